@@ -328,4 +328,4 @@ json.loads((results / "validation.json").read_text(encoding="utf-8"))["verdict"]
 # %% [markdown]
 # Rates measured in short runs thus stand or fall with these tables, in assemblies and at sizes where they were never
 # measured. What they do not say: whether the rates hold at other cube sizes, speeds or shapes of the tank. Those need
-# a calibration of their own (`wellmixed plan my-scene.toml`), and a check like this one.
+# a calibration of their own (`wellmixed study plan my-scene.toml`), and a check like this one.

@@ -130,7 +130,7 @@ def test_a_run_that_the_guard_stops_gives_exit_code_4(wellmixed, wellmixed_here,
 
 
 def test_export(wellmixed, place, simulated):
-    done = wellmixed("export", "runs", "--out", "tables", "--json", cwd=place)
+    done = wellmixed("runs", "export", "runs", "--out", "tables", "--json", cwd=place)
     assert done.err == ""
     assert sorted(Path(name).name for name in done.json["written"]) == [
         f"{name}.{kind}" for name in ("events", "runs", "settings") for kind in ("csv", "parquet")
@@ -282,13 +282,13 @@ def test_passage(wellmixed_here, place, calibrated, rates, species):
 
 
 def test_derive(wellmixed, tmp_path):
-    data = wellmixed("derive", "line4", "--json", cwd=tmp_path).json
+    data = wellmixed("rules", "derive", "line4", "--json", cwd=tmp_path).json
     assert data["species"] == SPECIES
     assert [row["name"] for row in data["channels"]] == CHANNELS
 
 
 def test_a_mistake_is_one_line_and_exit_code_2(wellmixed, tmp_path):
-    done = wellmixed("derive", "nobook", cwd=tmp_path)
+    done = wellmixed("rules", "derive", "nobook", cwd=tmp_path)
     assert (done.code, done.out) == (2, "")
     assert done.err.startswith("Error: unknown rule book 'nobook'; shipped are jack13, line4")
     assert done.err.count("\n") == 1
@@ -305,12 +305,12 @@ def posed(wellmixed_here, place):
 @pytest.mark.parametrize(
     "command",
     [
-        "render POSED --out strip.png",
-        "replay POSED",
+        "runs render POSED --out strip.png",
+        "runs replay POSED",
         "rules draw t5 --out t5.png",
         "rules check line4",
-        "accuracy kinetics line4 --rates table3 --cubes 4 --duration 10 --budget 1e-9",
-        "study number --points number=40 --collect --runs-folder posed",
+        "trust accuracy kinetics line4 --rates table3 --cubes 4 --duration 10 --budget 1e-9",
+        "study first-times number --points number=40 --collect --runs-folder posed",
     ],
 )
 def test_what_is_tested_elsewhere_in_one_process_works_as_installed(wellmixed, place, posed, command):

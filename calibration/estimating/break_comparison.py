@@ -39,7 +39,7 @@ class BreakComparison(Shown):
     (`fits_by_partner`), and the chosen one's rates come from that fit.
 
     fits : in the order of `BREAK_MODELS`
-    fits_by_partner : the same without those that call a break impossible that was seen; none where nobody watched
+    fits_by_partner : those of them that call no break impossible that was seen; none where no partners were recorded
     within : tu, longest time between the two breaks of one collision; None where the runs do not resolve it
 
     >>> from dataclasses import replace
@@ -106,7 +106,7 @@ class BreakComparison(Shown):
     def chosen(self) -> RateFit:
         """The fit with the fewest parameters whose AIC is within 2 of the smallest; of two alike, the smaller AIC.
 
-        Where partners were watched and the breaks alone ask for a model that has some, the choice among those is by
+        Where partners were recorded and the breaks alone ask for a model that has some, the choice among those is by
         who broke what.
         """
         chosen = simplest(self.fits)

@@ -123,13 +123,13 @@ def rates_of_fit(calibration: Calibration, fit: RateFit, evidence: Mapping[str, 
     exposures = [evidence.exposure for evidence in parts.parts(model)]
     channels = {name: channel.as_dict(none=False) for name, channel in plain.channels.items()}
     weights = model.mixture()[0]
-    seen, watched = np.zeros(len(plain.channels)), np.zeros(len(plain.channels))
+    seen, observed = np.zeros(len(plain.channels)), np.zeros(len(plain.channels))
     places = [calibration.network.channel_places[name] for name in fit.channels]
     seen[places] = calibration.total.events[places]
-    watched[places] = [weights @ exposure for exposure in exposures]
+    observed[places] = [weights @ exposure for exposure in exposures]
     for i, name in enumerate(fit.channels):
-        if watched[places[i]] <= 0:
-            channels[name] |= prior_of(name, calibration.network, seen, watched)
+        if observed[places[i]] <= 0:
+            channels[name] |= prior_of(name, calibration.network, seen, observed)
             continue
         low, high = fit.interval(f"b {name}")
         b = float(fit.best.coefficients[0, i])

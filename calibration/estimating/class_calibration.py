@@ -164,8 +164,8 @@ class ClassCalibration:
         if not self.break_fits:
             return None
         first = simplest(self.break_fits)
-        is_watched = all(path.partners is not None for path in self.breaks.paths)
-        if not is_watched or not first.model.shape:
+        are_named = all(path.partners is not None for path in self.breaks.paths)
+        if not are_named or not first.model.shape:
             return first
         by_partner = [replace(model, by_partner=True) for model in self.models if model.shape]
         return simplest([ClassFit.of(self.breaks, first.sharing, model) for model in by_partner])

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from calibration.estimating.break_comparison import BreakComparison
     from calibration.estimating.diagnosing.diagnosis import Diagnosis
     from calibration.estimating.estimate import Calibration
+    from calibration.observed.study import ObservedStudy
     from calibration.pipeline.bars import Bar
     from calibration.pipeline.calibration_study import CalibrationStudy
     from calibration.pipeline.held_out_study import ValidationStudy
     from calibration.validating.comparison import CrossValidation
     from calibration.validating.events import EventRow
-    from calibration.watched.study import WatchedStudy
 
 NOTABLE = 0.05  # events: a channel with fewer at every size is left out of the figure of events
 ABOUT_RATES = """
@@ -64,7 +64,7 @@ spread is judged among simulated groups of as many runs.
 Draw = Callable[[Any], Any]
 
 
-def calibration_report(study: CalibrationStudy | WatchedStudy) -> HtmlReport:
+def calibration_report(study: CalibrationStudy | ObservedStudy) -> HtmlReport:
     """What the calibration runs showed."""
     return HtmlReport(f"Rates of {study.name}", _calibration_parts(study), study.rates.evidence)
 
@@ -83,7 +83,7 @@ def full_report(calibrated: CalibrationStudy, validated: ValidationStudy, tank: 
     return HtmlReport(f"{calibrated.name}: from mechanics to prediction", parts, calibrated.rates.evidence)
 
 
-def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
+def _calibration_parts(study: CalibrationStudy | ObservedStudy) -> list[Part]:
     table3 = Rates.load("table3")
     is_papers_line = set(table3.channels) == set(study.calibration.network.channels)
     about = of_unit("Rate constants", inverse(study.calibration.network.time_unit))

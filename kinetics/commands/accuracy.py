@@ -1,4 +1,4 @@
-"""`wellmixed accuracy kinetics`: the error of every prediction method against its CPU time."""
+"""`wellmixed trust accuracy kinetics`: the error of every prediction method against its CPU time."""
 
 from __future__ import annotations
 

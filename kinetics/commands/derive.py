@@ -1,4 +1,4 @@
-"""`wellmixed derive`: the reaction network of a rule book or a network file, shown or written for other programs."""
+"""`wellmixed rules derive`: the reaction network of a rule book or a network file, shown or written to a file."""
 
 from __future__ import annotations
 

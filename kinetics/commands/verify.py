@@ -1,4 +1,4 @@
-"""`wellmixed verify`: samplers against the exact solution of a network, and solvers against each other."""
+"""`wellmixed trust verify`: samplers against the exact solution of a network, and solvers against each other."""
 
 from __future__ import annotations
 

@@ -18,13 +18,11 @@ NO_CELL = -1  # between leaps
 next_length = compiled(leap_limits.next_length)
 
 
-class LeapModel(NamedTuple):
-    """What does not change during a run.
+class LeapLaws(NamedTuple):
+    """Propensities and changes. What a function is given costs it: each array is passed by value, as seven words.
 
     coefficients (R,), factors (R, K, 3) : see `sampling.mass_action.MassAction`
     starts (R + 1,), species, gains (n,) : channel r changes species[starts[r] : starts[r + 1]] by gains
-    open_events : how many a leap is to have; fewest : events of a leap, below which single ones are drawn
-    merged, changes, members : for `direct.advance` and `members.name_events`
     """
 
     coefficients: np.ndarray
@@ -32,6 +30,16 @@ class LeapModel(NamedTuple):
     starts: np.ndarray
     species: np.ndarray
     gains: np.ndarray
+
+
+class LeapModel(NamedTuple):
+    """What does not change during a run.
+
+    open_events : how many a leap is to have; fewest : events of a leap, below which single ones are drawn
+    merged, changes, members : for `direct.advance` and `members.name_events`
+    """
+
+    laws: LeapLaws
     open_events: float
     fewest: float
     merged: NamedTuple
@@ -39,19 +47,14 @@ class LeapModel(NamedTuple):
     members: NamedTuple
 
 
-class LeapWork(NamedTuple):
-    """What does: counts, the box of the leap, and the cells that are still to come, each deeper one before the others.
+class LeapCells(NamedTuple):
+    """Counts, the box of the leap, and the cells that are still to come, each deeper one before the others.
 
     counts (S + 1,) int64, the last one 1; box_low, box_high, at_least, at_most (S + 1,) in doubles: of the leap, and of
     the cell at hand
     sure, open (D, R) int64 : events of each cell; low, high (D, R) : between which the marks of the open ones lie
     begins, ends (D,) : of each cell, tu after the leap's start; keys (D, 4) : of its random words
     means (R,) : events of a leap that are expected
-    stream (4,) uint64, state (S + 1,) int64, step_times, fired (STRETCH,) : for a cell, and for events drawn singly
-    leap (3,) : when the leap at hand began, its length, and that from which the next one is sought, tu
-    of_run, of_leap (4,) uint64 : keys of their random words
-    clock, notes : of `EnsembleWork`; notes (6,) then say at which cell the leap at hand is, -1 between leaps, and how
-        many stretches the run has had. A cell that is looked at counts as an event
     """
 
     counts: np.ndarray
@@ -67,11 +70,24 @@ class LeapWork(NamedTuple):
     ends: np.ndarray
     keys: np.ndarray
     means: np.ndarray
+
+
+class LeapWork(NamedTuple):
+    """Where a run stands, and room to work in.
+
+    stream (4,) uint64, state (S + 1,) int64, step_times, fired (STRETCH,) : for a cell, and for events drawn singly
+    lengths (3,) : when the leap at hand began, its length, and that from which the next one is sought, tu
+    of_run, of_leap (4,) uint64 : keys of their random words
+    clock, notes : of `EnsembleWork`; notes (6,) then say at which cell the leap at hand is, -1 between leaps, and how
+        many stretches the run has had. A cell that is looked at counts as an event
+    """
+
+    cells: LeapCells
     stream: np.ndarray
     state: np.ndarray
     step_times: np.ndarray
     fired: np.ndarray
-    leap: np.ndarray
+    lengths: np.ndarray
     of_run: np.ndarray
     of_leap: np.ndarray
     clock: np.ndarray
@@ -81,7 +97,7 @@ class LeapWork(NamedTuple):
 @compiled
 def work_for(n_channels, n_species):
     """A fresh workspace."""
-    return LeapWork(
+    cells = LeapCells(
         np.ones(n_species + 1, dtype=np.int64),
         np.ones(n_species + 1),
         np.ones(n_species + 1),
@@ -95,6 +111,9 @@ def work_for(n_channels, n_species):
         np.zeros(DEEPEST),
         np.zeros((DEEPEST, 4), dtype=np.uint64),
         np.zeros(n_channels),
+    )
+    return LeapWork(
+        cells,
         np.zeros(4, dtype=np.uint64),
         np.ones(n_species + 1, dtype=np.int64),
         np.zeros(STRETCH),
@@ -108,28 +127,28 @@ def work_for(n_channels, n_species):
 
 
 @compiled
-def propensity(model, r, copies):
+def propensity(laws, r, copies):
     """Of channel r at counts `copies` (S + 1,) in doubles, the last one 1; it never falls where a count rises."""
-    value = model.coefficients[r]
-    for j in range(model.factors.shape[1]):
-        here = copies[model.factors[r, j, 0]]
-        value *= here - model.factors[r, j, 1] if here >= model.factors[r, j, 2] else 0.0
+    value = laws.coefficients[r]
+    for j in range(laws.factors.shape[1]):
+        here = copies[laws.factors[r, j, 0]]
+        value *= here - laws.factors[r, j, 1] if here >= laws.factors[r, j, 2] else 0.0
     return value
 
 
 @compiled
-def set_box(model, work, length):
-    """The box of a leap of this length, by the events expected of it, `work.means` per unit of time."""
-    n_species = work.counts.size - 1
-    box_low, box_high, falls, rises = work.box_low, work.box_high, work.at_least, work.at_most
+def set_box(laws, cells, length):
+    """The box of a leap of this length, by the events expected of it, `cells.means` per unit of time."""
+    n_species = cells.counts.size - 1
+    box_low, box_high, falls, rises = cells.box_low, cells.box_high, cells.at_least, cells.at_most
     box_low[:n_species] = 0.0  # means and variances, until the end
     box_high[:n_species] = 0.0
     falls[:n_species] = 0.0
     rises[:n_species] = 0.0
-    for r in range(work.means.size):
-        mean = work.means[r] * length
-        for i in range(model.starts[r], model.starts[r + 1]):
-            s, gain = model.species[i], float(model.gains[i])
+    for r in range(cells.means.size):
+        mean = cells.means[r] * length
+        for i in range(laws.starts[r], laws.starts[r + 1]):
+            s, gain = laws.species[i], float(laws.gains[i])
             if gain > 0.0:
                 box_high[s] += mean * gain
                 rises[s] += mean * gain * gain
@@ -137,38 +156,39 @@ def set_box(model, work, length):
                 box_low[s] -= mean * gain
                 falls[s] += mean * gain * gain
     for s in range(n_species):
-        here = float(work.counts[s])
+        here = float(cells.counts[s])
         box_low[s] = max(here - math.ceil(box_low[s] + WIDE * math.sqrt(falls[s])), 0.0)
         box_high[s] = here + math.ceil(box_high[s] + WIDE * math.sqrt(rises[s]))
 
 
 @compiled
-def plan_leap(model, work, length):
+def plan_leap(model, cells, length):
     """Choose a leap from the counts: its length, and the events expected of it, 0 where there should be none.
 
-    length : that of the leap before, from which the search starts; the new box and its propensities are left in `work`
+    length : that of the leap before, from which the search starts; the new box and its propensities are left in `cells`
     """
-    n_channels, n_species = work.means.size, work.counts.size - 1
-    low, high = work.low[0], work.high[0]
-    copies = work.at_least
+    laws = model.laws
+    n_channels, n_species = cells.means.size, cells.counts.size - 1
+    low, high = cells.low[0], cells.high[0]
+    copies = cells.at_least
     for s in range(n_species):
-        copies[s] = work.counts[s]
+        copies[s] = cells.counts[s]
         if copies[s] > LARGEST_COUNT:
             return length, 0.0
     total = 0.0
     for r in range(n_channels):
-        work.means[r] = propensity(model, r, copies)
-        total += work.means[r]
+        cells.means[r] = propensity(laws, r, copies)
+        total += cells.means[r]
     longest = MOST_EVENTS / total if total > 0.0 else np.inf
     if not (longest < np.inf and total < np.inf):
         return length, 0.0
     length = min(max(length, 1.0 / total), longest)
     for _ in range(TRIALS):
-        set_box(model, work, length)
+        set_box(laws, cells, length)
         undecided = 0.0
         for r in range(n_channels):
-            low[r] = propensity(model, r, work.box_low)
-            high[r] = propensity(model, r, work.box_high)
+            low[r] = propensity(laws, r, cells.box_low)
+            high[r] = propensity(laws, r, cells.box_high)
             undecided += (high[r] - low[r]) * length
         tried, length = length, next_length(length, longest, undecided, model.open_events)
         if length == tried:
@@ -176,5 +196,5 @@ def plan_leap(model, work, length):
     events = total * length
     fits = undecided < 4.0 * model.open_events
     for s in range(n_species):
-        fits &= work.box_high[s] <= LARGEST_COUNT
+        fits &= cells.box_high[s] <= LARGEST_COUNT
     return length, events if fits and events >= model.fewest else 0.0

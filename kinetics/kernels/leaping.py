@@ -31,146 +31,139 @@ OWN, LEFT, RIGHT = 0, 1, 2  # what is drawn for a cell, and its halves
 
 
 @compiled
-def worst_orders(model, work, top):
-    """Set `work.at_least` and `work.at_most`, between which counts stay in whatever order a cell's events come.
+def worst_orders(laws, cells, top):
+    """Set `cells.at_least` and `cells.at_most`, between which counts stay in whatever order a cell's events come.
 
     How many events there are, how many of them are open, and whether any order leaves the box of the leap.
     """
-    n_species = work.counts.size - 1
-    at_least, at_most = work.at_least, work.at_most
+    n_species = cells.counts.size - 1
+    at_least, at_most = cells.at_least, cells.at_most
     for s in range(n_species):
-        at_least[s] = at_most[s] = work.counts[s]
+        at_least[s] = at_most[s] = cells.counts[s]
     n_events, n_open = 0, 0
-    for r in range(work.means.size):
-        here = work.sure[top, r] + work.open[top, r]
+    for r in range(cells.means.size):
+        here = cells.sure[top, r] + cells.open[top, r]
         if here > 0:
             n_events += here
-            n_open += work.open[top, r]
-            for i in range(model.starts[r], model.starts[r + 1]):
-                change = float(here) * model.gains[i]
+            n_open += cells.open[top, r]
+            for i in range(laws.starts[r], laws.starts[r + 1]):
+                change = float(here) * laws.gains[i]
                 if change > 0.0:
-                    at_most[model.species[i]] += change
+                    at_most[laws.species[i]] += change
                 else:
-                    at_least[model.species[i]] += change
+                    at_least[laws.species[i]] += change
     can_leave = False
     for s in range(n_species):
-        can_leave |= at_least[s] < work.box_low[s] or at_most[s] > work.box_high[s]
+        can_leave |= at_least[s] < cells.box_low[s] or at_most[s] > cells.box_high[s]
     return n_events, n_open, can_leave
 
 
 @compiled
-def thin(model, work, top, n_events, stream):
+def thin(laws, cells, top, n_events, stream):
     """Decide what the narrower box of a cell decides: its open events become sure, or rejected, or stay open."""
-    n_species = work.counts.size - 1
+    n_species = cells.counts.size - 1
     for s in range(n_species):
         if n_events == 1:  # it sees the counts as they are
-            work.at_least[s] = work.at_most[s] = work.counts[s]
-        work.at_least[s] = max(work.at_least[s], work.box_low[s])
-        work.at_most[s] = min(work.at_most[s], work.box_high[s])
-    for r in range(work.means.size):
-        undecided = work.open[top, r]
+            cells.at_least[s] = cells.at_most[s] = cells.counts[s]
+        cells.at_least[s] = max(cells.at_least[s], cells.box_low[s])
+        cells.at_most[s] = min(cells.at_most[s], cells.box_high[s])
+    for r in range(cells.means.size):
+        undecided = cells.open[top, r]
         if undecided > 0:
-            low, high = work.low[top, r], work.high[top, r]
-            new_low = min(max(propensity(model, r, work.at_least), low), high)
-            new_high = min(max(propensity(model, r, work.at_most), new_low), high)
+            low, high = cells.low[top, r], cells.high[top, r]
+            new_low = min(max(propensity(laws, r, cells.at_least), low), high)
+            new_high = min(max(propensity(laws, r, cells.at_most), new_low), high)
             # Marks are uniform from low to high.
             sure = binomial(undecided, (new_low - low) / (high - low), stream)
             undecided -= sure
             if undecided > 0 and new_high < high:
                 undecided -= binomial(undecided, (high - new_high) / (high - new_low), stream)
-            work.sure[top, r] += sure
-            work.open[top, r] = undecided
-            work.low[top, r], work.high[top, r] = new_low, new_high
+            cells.sure[top, r] += sure
+            cells.open[top, r] = undecided
+            cells.low[top, r], cells.high[top, r] = new_low, new_high
 
 
 @compiled
-def halve(work, top, stream):
+def halve(cells, top, stream):
     """Put the right half of a cell in its place, and the left half before it: every event falls into either."""
-    for r in range(work.means.size):
-        sure, undecided = halved(work.sure[top, r], stream), halved(work.open[top, r], stream)
-        work.sure[top + 1, r], work.open[top + 1, r] = sure, undecided
-        work.sure[top, r] -= sure
-        work.open[top, r] -= undecided
-        work.low[top + 1, r], work.high[top + 1, r] = work.low[top, r], work.high[top, r]
-    middle = work.begins[top] + 0.5 * (work.ends[top] - work.begins[top])
-    work.begins[top + 1], work.ends[top + 1] = work.begins[top], middle
-    work.begins[top] = middle
-    start_stream(work.keys[top], LEFT, work.keys[top + 1])
-    start_stream(work.keys[top], RIGHT, work.keys[top])
+    for r in range(cells.means.size):
+        sure, undecided = (
+            halved(cells.sure[top, r], stream),
+            halved(cells.open[top, r], stream),
+        )
+        cells.sure[top + 1, r], cells.open[top + 1, r] = sure, undecided
+        cells.sure[top, r] -= sure
+        cells.open[top, r] -= undecided
+        cells.low[top + 1, r], cells.high[top + 1, r] = (cells.low[top, r], cells.high[top, r])
+    middle = cells.begins[top] + 0.5 * (cells.ends[top] - cells.begins[top])
+    cells.begins[top + 1], cells.ends[top + 1] = cells.begins[top], middle
+    cells.begins[top] = middle
+    start_stream(cells.keys[top], LEFT, cells.keys[top + 1])
+    start_stream(cells.keys[top], RIGHT, cells.keys[top])
 
 
 @compiled
-def apply(model, work, top):
+def apply(laws, cells, top):
     """Change the counts by all sure events of a cell; the last channel that has any."""
     channel = 0
-    for r in range(work.means.size):
-        many = work.sure[top, r]
+    for r in range(cells.means.size):
+        many = cells.sure[top, r]
         if many > 0:
             channel = r
-            for i in range(model.starts[r], model.starts[r + 1]):
-                work.counts[model.species[i]] += many * model.gains[i]
+            for i in range(laws.starts[r], laws.starts[r + 1]):
+                cells.counts[laws.species[i]] += many * laws.gains[i]
     return channel
 
 
 @compiled
-def is_outside(work):
+def is_outside(cells):
     """Whether the counts have left the box of the leap."""
-    for s in range(work.counts.size - 1):
-        if work.counts[s] < work.box_low[s] or work.counts[s] > work.box_high[s]:
+    for s in range(cells.counts.size - 1):
+        if cells.counts[s] < cells.box_low[s] or cells.counts[s] > cells.box_high[s]:
             return True
     return False
 
 
 @compiled
-def begin_leap(work, length):
-    """Draw the numbers of events of the leap that `plan_leap` has left in `work`."""
-    start, stream = work.clock[0], work.stream
-    later = start + length
-    work.leap[0], work.leap[1] = start, later - start if later > start else length
-    start_stream(work.of_leap, OWN, stream)
-    for r in range(work.means.size):
-        work.sure[0, r] = poisson(work.low[0, r] * work.leap[1], stream)
-        work.open[0, r] = poisson((work.high[0, r] - work.low[0, r]) * work.leap[1], stream)
-    work.begins[0], work.ends[0] = 0.0, work.leap[1]
-    start_stream(work.of_leap, LEFT, work.keys[0])
-    work.notes[CELL] = 0
+def leap(laws, cells, lengths, of_leap, stream, clock, notes, grid, out, times, fired, number, most):
+    """Go on with the leap at hand, or one that `plan_leap` has left, to its end or until so many cells were looked at.
 
+    lengths, of_leap, stream, clock, notes : of `LeapWork`; what is not passed costs nothing
+    grid, out, times, fired : of `go_on`; number : of events that were kept before
 
-@compiled
-def end_leap(work, time):
-    """The leap at hand has reached a time: the outcome."""
-    work.notes[CELL] = NO_CELL
-    work.clock[0] = time
-    return UNFINISHED if time > work.leap[0] else stands_still(work.clock, time)
-
-
-@compiled
-def leap(model, work, grid, out, times, fired, number, most):
-    """Go on with the leap at hand until its end, or until so many of its cells were looked at.
-
-    Arguments as of `go_on`; number : of events that were kept before. Returns the outcome and their new number.
+    Returns the outcome, and how many events were kept.
     """
-    counts, stream, notes, keeps = work.counts, work.stream, work.notes, times.size > 0
-    start, length = work.leap[0], work.leap[1]
-    top, seen, cells, outcome, over = notes[CELL], notes[PASSED], 0, UNFINISHED, start + length
-    while top >= 0 and cells < most:
-        cells += 1
-        begin, end = work.begins[top], work.ends[top]
+    counts, keeps = cells.counts, times.size > 0
+    if notes[CELL] == NO_CELL:  # draw its numbers of events
+        later = clock[0] + lengths[2]
+        lengths[0], lengths[1] = clock[0], later - clock[0] if later > clock[0] else lengths[2]
+        start_stream(of_leap, OWN, stream)
+        for r in range(cells.means.size):
+            cells.sure[0, r] = poisson(cells.low[0, r] * lengths[1], stream)
+            cells.open[0, r] = poisson((cells.high[0, r] - cells.low[0, r]) * lengths[1], stream)
+        cells.begins[0], cells.ends[0] = 0.0, lengths[1]
+        start_stream(of_leap, LEFT, cells.keys[0])
+        notes[CELL] = 0
+    start, length = lengths[0], lengths[1]
+    top, seen, looked, outcome, over = notes[CELL], notes[PASSED], 0, UNFINISHED, start + length
+    while top >= 0 and looked < most:
+        looked += 1
+        begin, end = cells.begins[top], cells.ends[top]
         seen = record(counts, start + begin, grid, seen, out)
         if seen == grid.size:
             outcome = REACHED_END
             break
-        n_events, n_open, can_leave = worst_orders(model, work, top)
+        n_events, n_open, can_leave = worst_orders(laws, cells, top)
         if n_events == 0:
             top -= 1
             continue
-        start_stream(work.keys[top], OWN, stream)
+        start_stream(cells.keys[top], OWN, stream)
         if n_open > 0:
-            thin(model, work, top, n_events, stream)
-            n_events, n_open, can_leave = worst_orders(model, work, top)
+            thin(laws, cells, top, n_events, stream)
+            n_events, n_open, can_leave = worst_orders(laws, cells, top)
         is_asked = keeps or grid[seen] < start + end
         if n_open == 0 and not (can_leave or is_asked):
-            apply(model, work, top)
+            apply(laws, cells, top)
             top -= 1
         elif n_events == 1 and n_open == 0:
             time = start + min(begin + draw_uniform(stream) * (end - begin), end)
@@ -178,12 +171,12 @@ def leap(model, work, grid, out, times, fired, number, most):
             if seen == grid.size:
                 outcome = REACHED_END
                 break
-            channel = apply(model, work, top)
-            leaves = can_leave and is_outside(work)
+            channel = apply(laws, cells, top)
+            leaves = can_leave and is_outside(cells)
             if leaves and counts.min() < 0:  # it came around
-                for i in range(model.starts[channel], model.starts[channel + 1]):
-                    counts[model.species[i]] -= model.gains[i]
-                work.clock[0], outcome = time, OVERFLOW
+                for i in range(laws.starts[channel], laws.starts[channel + 1]):
+                    counts[laws.species[i]] -= laws.gains[i]
+                clock[0], outcome = time, OVERFLOW
                 break
             if keeps:
                 times[number], fired[number] = time, channel
@@ -196,21 +189,23 @@ def leap(model, work, grid, out, times, fired, number, most):
             if top + 2 == DEEPEST:
                 outcome = STALLED_CLOCK
                 break
-            halve(work, top, stream)
+            halve(cells, top, stream)
             top += 1
     notes[CELL], notes[PASSED] = top, seen
-    notes[EVENTS] += cells
-    if top == NO_CELL and outcome == UNFINISHED:
-        outcome = end_leap(work, over)
+    notes[EVENTS] += looked
+    if top == NO_CELL and outcome == UNFINISHED:  # it is over
+        clock[0] = over
+        if not over > start:
+            outcome = stands_still(clock, over)
     return outcome, number
 
 
 @compiled
 def begin_run(work, initial, key, run, look):
     """Put a run at its start; it is first looked at after so many events."""
-    work.counts[: initial.size] = initial
+    work.cells.counts[: initial.size] = initial
     work.clock[:] = 0.0
-    work.leap[2] = 0.0
+    work.lengths[2] = 0.0
     start_stream(key, run, work.of_run)
     work.notes[PASSED:] = 0
     work.notes[LOOK], work.notes[CELL] = look, NO_CELL
@@ -225,37 +220,44 @@ def go_on(model, work, grid, out, times, fired, most):
 
     Returns the outcome, and how many events were kept.
     """
-    counts, clock, stream, notes, keeps = work.counts, work.clock, work.stream, work.notes, times.size > 0
-    state, step_times, stepped = work.state, work.step_times, work.fired
+    laws, cells, clock, stream, notes = model.laws, work.cells, work.clock, work.stream, work.notes
+    counts, lengths, of_leap, state = cells.counts, work.lengths, work.of_leap, work.state
+    step_times, stepped, keeps = work.step_times, work.fired, times.size > 0
     n_species, number = counts.size - 1, 0
     last, outcome = notes[EVENTS] + most, UNFINISHED
     if notes[PASSED] >= grid.size:
         return REACHED_END, number
     while outcome == UNFINISHED:
-        if notes[CELL] != NO_CELL:
-            room = max(last - notes[EVENTS], 1)
-            outcome, number = leap(model, work, grid, out, times, fired, number, room)
         if notes[EVENTS] >= (last if notes[CELL] != NO_CELL else min(last, notes[LOOK])):
             break
-        if outcome != UNFINISHED or notes[CELL] != NO_CELL:
+        is_leap = notes[CELL] != NO_CELL
+        if not is_leap:
+            start_stream(work.of_run, notes[STRETCHES], of_leap)
+            notes[STRETCHES] += 1
+            if notes[STRETCHES] > 1 or model.fewest == 0.0:  # a run may be short
+                lengths[2], expected = plan_leap(model, cells, lengths[2])
+                is_leap = expected > 0.0
+        if is_leap:
+            room = max(last - notes[EVENTS], 1)
+            outcome, number = leap(
+                laws, cells, lengths, of_leap, stream, clock, notes, grid, out, times, fired, number, room
+            )
             continue
-        start_stream(work.of_run, notes[STRETCHES], work.of_leap)
-        notes[STRETCHES] += 1
-        expected = 0.0
-        if notes[STRETCHES] > 1 or model.fewest == 0.0:  # a run may be short
-            work.leap[2], expected = plan_leap(model, work, work.leap[2])
-        if expected > 0.0:
-            begin_leap(work, work.leap[2])
-            continue
-        start_stream(work.of_leap, OWN, stream)
+        start_stream(of_leap, OWN, stream)
         state[:] = counts
         outcome, n_events = advance(model.merged, model.changes, counts, clock, grid[-1], stream, step_times, stepped)
         notes[EVENTS] += n_events + 1
         if keeps:
             times[number : number + n_events] = step_times[:n_events]
             fired[number : number + n_events] = stepped[:n_events]
-            start_stream(work.of_leap, LEFT, stream)
-            name_events(model.members, model.changes, state.copy(), fired[number : number + n_events], stream)
+            start_stream(of_leap, LEFT, stream)
+            name_events(
+                model.members,
+                model.changes,
+                state.copy(),
+                fired[number : number + n_events],
+                stream,
+            )
             number += n_events
         for event in range(n_events):
             notes[PASSED] = record(state, step_times[event], grid, notes[PASSED], out)

@@ -5,7 +5,7 @@
 
 Times are in tu, of a clock of the run's own. `tank` is the tank's three lengths, `closed` the channels that could not
 fire at all, `resolution` the time between two looks, within which events share a time; each may be left out. `NOTES`
-are further columns of the events, for other readers. docs/watched_events.md describes what a reader takes.
+are further columns of the events, for other readers. docs/observed_events.md describes what a reader takes.
 """
 
 from __future__ import annotations

@@ -91,11 +91,7 @@ class LeapingSampler:
         laws, merging, change = mass_action(network), Merging.of(network), network.sparse_stoichiometry
         self.species = network.species
         self.model: leap_plan.LeapModel = leap_plan.LeapModel(
-            laws.coefficients,
-            laws.factors,
-            change.starts,
-            change.columns,
-            change.copies,
+            leap_plan.LeapLaws(laws.coefficients, laws.factors, change.starts, change.columns, change.copies),
             OPEN_EVENTS,
             MARGIN * leap_cost(size) / recomputing_cost(size) if fewest is None else float(fewest),
             merging.model(),
@@ -109,19 +105,19 @@ class LeapingSampler:
         """Fill `out` (runs, T, S) as far as the watch needs it."""
         from kinetics.kernels import leap_plan, leaping
 
-        start, work = self._checked(initial), leap_plan.work_for(len(self.model.coefficients), initial.size)
+        start, work = self._checked(initial), leap_plan.work_for(len(self.model.laws.coefficients), initial.size)
 
         def go_on(limits: Ints, most: int) -> int:
             outcome: int = leaping.ensemble(self.model, work, start, grid, key, first_run, limits, out, most)
             return outcome
 
-        in_turn(watch, first_run, work.notes, work.clock, work.counts[:-1], go_on, _Leaps(work, watch))
+        in_turn(watch, first_run, work.notes, work.clock, work.cells.counts[:-1], go_on, _Leaps(work, watch))
 
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
         """Times and channels of all events until `end`."""
         from kinetics.kernels import leap_plan, leaping
 
-        work = leap_plan.work_for(len(self.model.coefficients), initial.size)
+        work = leap_plan.work_for(len(self.model.laws.coefficients), initial.size)
         leaping.begin_run(work, self._checked(initial), key, run, watch.first_look)
         grid, out, pieces = np.array([end]), np.empty((1, initial.size), dtype=np.int64), []
         times, channels = np.empty(BUFFER), np.empty(BUFFER, dtype=np.int64)
@@ -132,7 +128,7 @@ class LeapingSampler:
             pieces.append((times[:number].copy(), channels[:number].copy()))
             return REACHED_END if work.notes[RUN] else int(outcome)
 
-        in_turn(watch, run, work.notes, work.clock, work.counts[:-1], go_on, _Leaps(work, watch))
+        in_turn(watch, run, work.notes, work.clock, work.cells.counts[:-1], go_on, _Leaps(work, watch))
         all_times, all_channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
         return all_times, all_channels
 
@@ -164,5 +160,5 @@ class _Leaps:
             before, begun = 0.0, 0
         if self.watch.outlook is None:
             return False
-        total = self.watch.outlook.rates(self.work.counts[None, :-1].astype(float), self.time).sum()
+        total = self.watch.outlook.rates(self.work.cells.counts[None, :-1].astype(float), self.time).sum()
         return not total * (self.time - before) > MANY * (self.drawn - begun)

@@ -44,6 +44,7 @@ class Lockstep(SamplingMethod):
 
     name: ClassVar[str] = "lockstep"
     start_cost: ClassVar[float] = 50.0
+    takes_until: ClassVar[bool] = True
     max_channels: ClassVar[float] = 2000
     is_for_ensembles: ClassVar[bool] = True
 
@@ -96,15 +97,15 @@ class LockstepSampler:
             self.one_by_one.ensemble(initial, grid, key, first_run, out, watch)
             return
         lanes, is_odd = Lanes(self.model, self.changes), np.zeros(len(out), dtype=bool)
-        here = lanes.arrays
+        here, stopping = lanes.arrays, watch.stop_of(first_run, len(out), self.merging.leaders)
         n_active, first_look = 1, watch.first_look
         while n_active:
             until = here["looks"][: here["notes"][0]].min(initial=here["notes"][2] + first_look)
-            most = min(max(1, watch.most_events // LANES), int(until - here["notes"][2]))
+            most = min(max(1, watch.most_events // min(LANES, len(out))), int(until - here["notes"][2]))
             began = perf_counter()
             twins.lockstep(
                 self.model, self.changes, lanes, initial, grid, key, first_run, watch.limits(first_run), out, is_odd,
-                most,
+                most, *stopping,
             )  # fmt: skip
             n_active = int(here["notes"][0])
             unfinished = here["run"][:n_active].min(initial=len(out))
@@ -120,7 +121,10 @@ class LockstepSampler:
         """Look at the runs of some lanes, and end those that are truncated."""
         n_species, events = self.changes.shape[1], here["notes"][2] - here["begun"][due]
         counts = here["counts"][:n_species, due].T.astype(np.int64)
-        again = watch.looks(first_run + here["run"][due], events, here["t"][due], counts)
+        again = np.zeros(due.size, dtype=np.int64)
+        for i in np.argsort(here["run"][due]).tolist():
+            lane = due[i]
+            again[i] = watch.look(first_run + int(here["run"][lane]), int(events[i]), float(here["t"][lane]), counts[i])
         here["looks"][due] = here["begun"][due] + again
         cut = due[again == 0]
         here["looks"][cut], here["upcoming"][cut] = np.iinfo(np.int64).max, -np.inf

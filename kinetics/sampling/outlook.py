@@ -9,6 +9,7 @@ from kinetics.sampling.mass_action import mass_action
 from kinetics.support.arrays import Floats, Ints
 
 MOST_SPECIES = 300  # whose equations are integrated; their Jacobian takes as many evaluations of the propensities
+MOST_TERMS = 400  # factors of propensities that are multiplied as plain numbers; arrays begin to pay beyond
 FEW_STEPS, MOST_STEPS = 150, 2000  # of the integration: as long as it is quick, it goes on for a better answer
 LARGEST = 1e30  # times the events in question: so many are too many by any measure
 ACCURACY = 1e-3
@@ -24,6 +25,21 @@ class Outlook:
         self.species, self.taken = laws.factors[:, :, 0], laws.factors[:, :, 1].astype(float)
         names = {name: r for r, name in enumerate(network.channels)}
         self.laws = [(names[name], network.channel_laws[name].program) for name in network.laws]
+        self.terms: list[tuple[float, list[tuple[int, float]]]] | None = None
+        if not self.laws and self.taken.size <= MOST_TERMS:
+            factors = (zip(*row, strict=True) for row in zip(self.species.tolist(), self.taken.tolist(), strict=True))
+            self.terms = list(zip(self.coefficients.tolist(), map(list, factors), strict=True))
+
+    def total(self, counts: Ints, time: float) -> float:
+        """Sum of the propensities at counts (S,), 1/tu; inf or nan where it is beyond double."""
+        if self.terms is None:
+            return float(self.rates(counts[None].astype(float), time).sum())
+        copies, total = [*map(float, counts.tolist()), 1.0], 0.0
+        for propensity, factors in self.terms:
+            for species, taken in factors:
+                propensity *= max(copies[species] - taken, 0.0)  # noqa: PLW2901
+            total += propensity
+        return total
 
     def rates(self, counts: Floats, time: float) -> Floats:
         """Propensities (n, R) at counts (n, S), 1/tu; inf or nan where they are beyond double."""

@@ -21,7 +21,7 @@ class StepwiseSampler:
     """Runs of a kernel that reads its random numbers from buffers, call after call.
 
     begin(counts) : a fresh workspace for a run that starts at `counts` (S + 1,), the last one 1
-    advance(workspace, counts, seen, clock, waits, uniforms, grid, out, times, channels) : see `kernels.grouped`
+    advance(workspace, counts, seen, clock, waits, uniforms, grid, out, times, channels, stop) : see `kernels.grouped`
     order : (R,) channel of the network for each channel of the kernel
     """
 
@@ -32,7 +32,7 @@ class StepwiseSampler:
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints, watch: Watch
     ) -> None:
         """Fill `out` (runs, T, S) as far as the watch needs it."""
-        draws = np.empty(FEWEST_DRAWS), np.empty(FEWEST_DRAWS)
+        draws = [np.empty(FEWEST_DRAWS), np.empty(FEWEST_DRAWS)]
         for i in range(len(out)):
             self._run(initial, grid, key, first_run + i, out[i], watch, draws, None)
             watch.complete[first_run] = i + 1
@@ -41,7 +41,7 @@ class StepwiseSampler:
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
         """Times and channels of all events until `end`."""
         out, pieces = np.empty((1, initial.size), dtype=np.int64), list[tuple[Floats, Ints]]()
-        self._run(initial, np.array([end]), key, run, out, watch, (np.empty(0), np.empty(0)), pieces)
+        self._run(initial, np.array([end]), key, run, out, watch, [np.empty(0), np.empty(0)], pieces)
         times, channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
         return times, self.order[channels]
 
@@ -53,10 +53,10 @@ class StepwiseSampler:
         run: int,
         out: Ints,
         watch: Watch,
-        draws: tuple[Floats, Floats],
+        draws: list[Floats],
         pieces: list[tuple[Floats, Ints]] | None,
     ) -> None:
-        """Make a run; draws : buffers of random numbers for its first call; pieces : receives its events."""
+        """Make a run; draws : buffers of random numbers, which grow; pieces : receives its events."""
         from kinetics.kernels import streams
 
         stream = np.empty(4, dtype=np.uint64)
@@ -64,24 +64,28 @@ class StepwiseSampler:
         counts, clock, seen = np.ones(initial.size + 1, dtype=np.int64), np.zeros(3), np.zeros(2, dtype=np.int64)
         counts[:-1] = initial
         workspace = self.begin(counts)
+        stop, reached = watch.stop_of(run, 1, self.order)
         n_draws, drawn, look = FEWEST_DRAWS, 0, watch.first_look
-        waits, uniforms = draws
         times, channels = NO_TIMES, NO_CHANNELS
         while seen[0] < (needed := watch.needed(run)):
             n = min(n_draws, look - drawn)
-            if waits.size != n:
-                waits, uniforms = np.empty(n), np.empty(n)
+            if draws[0].size < n:
+                draws[:] = np.empty(n), np.empty(n)
+            waits, uniforms = draws[0][:n], draws[1][:n]
             if pieces is not None:
                 times, channels = np.empty(n), np.empty(n, dtype=np.int64)
             streams.draw(stream, waits, uniforms)
             began = perf_counter()
             if needed < grid.size:
                 grid, out = grid[:needed], out[:needed]
-            outcome = self.advance(workspace, counts, seen, clock, waits, uniforms, grid, out, times, channels)
+            outcome = self.advance(workspace, counts, seen, clock, waits, uniforms, grid, out, times, channels, stop)
             if pieces is not None:
                 pieces.append((times[: seen[1]], channels[: seen[1]]))
             drawn += n
             if outcome == outcomes.REACHED_END:
+                break
+            if outcome == outcomes.STOPPED and reached is not None:
+                reached[0], out[seen[0] :] = clock[0], counts[:-1]
                 break
             if outcome != outcomes.UNFINISHED:
                 watch.stop(run, outcome, float(clock[0]), counts[:-1], drawn)

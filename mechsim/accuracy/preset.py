@@ -132,7 +132,7 @@ def load(text: str, scene: Scene, without: Sequence[str] = ()) -> Chosen:
     if others:
         raise ValueError(
             f"preset {name!r} was never measured for scene {scene.name} without {others[0]}: leave out --preset, or "
-            "write that scene to a file and measure it with wellmixed accuracy mechanics"
+            "write that scene to a file and measure it with wellmixed trust accuracy mechanics"
         )
     paths = [find(file, PRESETS, "preset")] if file else sorted(PRESETS.glob("*.toml"))
     known = [validated(Presets, read_toml(path), path.name) for path in paths]
@@ -145,7 +145,7 @@ def load(text: str, scene: Scene, without: Sequence[str] = ()) -> Chosen:
     scenes = ", ".join(f"{m.scene} ({m.fingerprint[:8]})" for m in known) or "no scene"
     raise ValueError(
         f"preset {name!r} was never measured for scene {scene.name} as it is ({scene.fingerprint[:8]}); {where} of "
-        f"{scenes}. Measure it: wellmixed accuracy mechanics SCENE --presets FILE.toml; then say "
+        f"{scenes}. Measure it: wellmixed trust accuracy mechanics SCENE --presets FILE.toml; then say "
         f"--preset FILE.toml:{name}"
     )
 

@@ -1,4 +1,4 @@
-"""The command `wellmixed accuracy mechanics`: error of the mechanics against CPU time."""
+"""The command `wellmixed trust accuracy mechanics`: error of the mechanics against CPU time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command `wellmixed loads`: rates of breaks at any threshold, from the hits that runs have logged."""
+"""The command `wellmixed runs loads`: rates of breaks at any threshold, from the hits that runs have logged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command `wellmixed replay`: a stored run carried out again, with a close look at its end."""
+"""The command `wellmixed runs replay`: a stored run carried out again, with a close look at its end."""
 
 from __future__ import annotations
 

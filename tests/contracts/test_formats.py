@@ -235,11 +235,11 @@ def test_a_damaged_file_is_refused_by_name(kind, tmp_path):
 @WRITES
 def test_the_commands_know_it(kind, tmp_path):
     run = CliRunner().invoke
-    assert all(suffix in run(main, ["derive", "--help"]).output for suffix in kind.suffixes)
+    assert all(suffix in run(main, ["rules", "derive", "--help"]).output for suffix in kind.suffixes)
     path = str(tmp_path / f"model{kind.suffixes[-1]}")
     write(model_of(KEPT["mass action"](), copies=3), path)
-    assert "2 A -> B" in run(main, ["derive", path]).output
-    done = run(main, ["derive", path, "--out", str(tmp_path / f"other{kind.suffixes[0]}")])
+    assert "2 A -> B" in run(main, ["rules", "derive", path]).output
+    done = run(main, ["rules", "derive", path, "--out", str(tmp_path / f"other{kind.suffixes[0]}")])
     assert "2 species and 2 channels are in" in done.output
 
 

@@ -65,10 +65,10 @@ def use(path):
 
 
 def _use_text(kind, text):
-    from kinetics.markov.predicates import StateNames
     from kinetics.markov.queries import parse
     from kinetics.network.laws import Expression
     from kinetics.network.laws.program import evaluate, steps_of
+    from kinetics.network.predicates import StateNames
 
     if kind == ".query":
         parse(text)
@@ -97,7 +97,7 @@ def _store():
 
 
 def _use_run(path):
-    """Its tables, as `wellmixed export` reads them, and its path. Its name is WHAT.KEY.run or KEY.run."""
+    """Its tables, as `wellmixed runs export` reads them, and its path. Its name is WHAT.KEY.run or KEY.run."""
     from mechsim.inspection.poses import record_at
 
     store = _store()

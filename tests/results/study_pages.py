@@ -3,7 +3,7 @@
     python -m tests.results.study_pages
 
 writes them anew, each between a line `<!-- STUDY: NAME -->` and a line `<!-- end -->`; with `calibration` behind it, it
-prints the files of line4's calibration runs instead, for `wellmixed loads`.
+prints the files of line4's calibration runs instead, for `wellmixed runs loads`.
 """
 
 from __future__ import annotations

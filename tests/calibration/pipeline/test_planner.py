@@ -147,7 +147,7 @@ def test_pilot_rates():
 
 def test_the_command(wellmixed_here, tmp_path):
     pilot().save(tmp_path / "pilot.toml")
-    command = ["plan", "line4", "--rates", "pilot.toml", "--cubes", 12, "--along", 0, 100, "--duration", 100]
+    command = ["study", "plan", "line4", "--rates", "pilot.toml", "--cubes", 12, "--along", 0, 100, "--duration", 100]
     command += ["--held-out", 8, "--width", "40%", "--shift", "60%", "--out", "plan.toml", "--plot", "plan.svg"]
     data = wellmixed_here(*command, "--json", cwd=tmp_path).json
     plan = StudyPlan.load(tmp_path / "plan.toml")
@@ -190,14 +190,14 @@ def test_the_command(wellmixed_here, tmp_path):
 def test_bad_input(wellmixed_here, tmp_path, options, said):
     base = {"--rates": ["table3"], "--cubes": [6], "--held-out": [6], "--along": [0], "--out": ["plan.toml"]}
     given = [word for name, values in (base | {options[0]: options[1:]}).items() for word in (name, *values)]
-    done = wellmixed_here("plan", "line4", *given, cwd=tmp_path)
+    done = wellmixed_here("study", "plan", "line4", *given, cwd=tmp_path)
     assert (done.code, done.out) == (2, "")
     assert said in " ".join(done.err.split())
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_pilot_that_is_too_short(wellmixed_here, tmp_path):
-    command = ["plan", "line4", "--cubes", 4, "--pilot-time", 0.5, "--held-out", 6, "--out", "plan.toml"]
+    command = ["study", "plan", "line4", "--cubes", 4, "--pilot-time", 0.5, "--held-out", 6, "--out", "plan.toml"]
     done = wellmixed_here(*command, cwd=tmp_path)
     assert (done.code, done.out) == (2, "")
     assert done.err.startswith("pilot: 4 runs of 0.5 tu, about ")  # its cost comes first

@@ -78,13 +78,13 @@ def test_a_projection(ring):
 
 def test_its_json_is_refused_with_advice_and_that_of_a_smaller_one_is_whole(ring, monkeypatch, tmp_path):
     write(Model(ring, one()), tmp_path / "ring.net")
-    done = CliRunner().invoke(main, ["derive", str(tmp_path / "ring.net"), "--json"])
+    done = CliRunner().invoke(main, ["rules", "derive", str(tmp_path / "ring.net"), "--json"])
     assert done.exit_code == 2
     assert "3000 by 3000 are 9000000 entries" in " ".join(done.output.split())
     assert "--out" in done.output
     monkeypatch.undo()
     small = Network.from_reactions({"turn": ({"A": 2}, {"B": 1})}, [1.0])
     write(Model(small, np.array([4, 0])), tmp_path / "small.net")
-    data = json.loads(CliRunner().invoke(main, ["derive", str(tmp_path / "small.net"), "--json"]).output)
+    data = json.loads(CliRunner().invoke(main, ["rules", "derive", str(tmp_path / "small.net"), "--json"]).output)
     assert data["reactants"] == [[2, 0]]
     assert data["stoichiometry"] == [[-2, 1]]

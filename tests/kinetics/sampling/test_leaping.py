@@ -269,8 +269,8 @@ def test_auto_leaves_alone_what_leaps_do_not_pay_for():
 def test_auto_expects_the_leaps_that_the_kernel_makes(counts):
     sampler = LeapingSampler(line(), 0.0)
     work = leap_plan.work_for(8, 4)
-    work.counts[:4] = counts
-    _, events = leap_plan.plan_leap(sampler.model, work, 0.0)
+    work.cells.counts[:4] = counts
+    _, events = leap_plan.plan_leap(sampler.model, work.cells, 0.0)
     assert events > 0
     assert events_of_leap(line(), np.array(counts)) == pytest.approx(events, rel=1e-9)
     assert NetworkSize.of(line(), np.array(counts)).leap_events == pytest.approx(events, rel=1e-9)
@@ -292,15 +292,15 @@ SCENES = {  # network, start, end, runs, open events, names of the kernel that a
     "narrow": ("A -> B, 1", [100, 0], 0.5, 300, 6.0, {"set_box": narrow_box}),
 }
 DECIDED = "sure = binomial(undecided, (new_low - low) / (high - low), stream)"
-RIGHT_WORDS = "start_stream(work.keys[top], RIGHT, work.keys[top])"
+RIGHT_WORDS = "start_stream(cells.keys[top], RIGHT, cells.keys[top])"
 MISTAKES = {
     "open events are taken for sure": (DECIDED, "sure = undecided", "outbreak"),
     "open events are taken for rejected": (DECIDED, "sure, undecided = 0, 0", "turnover"),
-    "marks are used again": ("work.low[top, r], work.high[top, r] = new_low, new_high", "pass", "turnover"),
-    "open events are in both halves": ("work.open[top, r] -= undecided", "pass", "turnover"),
+    "marks are used again": ("cells.low[top, r], cells.high[top, r] = new_low, new_high", "pass", "turnover"),
+    "open events are in both halves": ("cells.open[top, r] -= undecided", "pass", "turnover"),
     "halves share their words": (RIGHT_WORDS, RIGHT_WORDS.replace("RIGHT", "LEFT"), "outbreak"),
     "the box is not checked": ("not (can_leave or is_asked)", "not is_asked", "narrow"),
-    "a leap goes on beyond its box": ("leaves = can_leave and is_outside(work)", "leaves = False", "narrow"),
+    "a leap goes on beyond its box": ("leaves = can_leave and is_outside(cells)", "leaves = False", "narrow"),
     "leaps that end early end in time": ("top, over = NO_CELL, time", "top = NO_CELL", "edge"),
 }  # fmt: skip
 

@@ -345,7 +345,7 @@ def test_command(scene_file, tmp_path):
     arguments = ["--cubes", "2", "--duration", "0.2", "--rounds", "1", "--runs-folder", str(tmp_path / "runs")]
     out = [str(tmp_path / "a.csv"), str(tmp_path / "a.svg")]
     done = CliRunner().invoke(
-        main, ["accuracy", "mechanics", scene_file, *arguments, "--json", "--csv", out[0], "--plot", out[1]]
+        main, ["trust", "accuracy", "mechanics", scene_file, *arguments, "--json", "--csv", out[0], "--plot", out[1]]
     )
     assert done.exit_code == 0, done.output
     told = json.loads(done.stdout)

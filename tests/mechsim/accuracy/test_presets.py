@@ -203,7 +203,7 @@ def test_a_scene_that_was_never_measured(tmp_path):
     done = CliRunner().invoke(main, given)
     assert done.exit_code == 2
     assert "preset 'draft' was never measured for scene line4 as it is" in done.output
-    assert "wellmixed accuracy mechanics" in done.output
+    assert "wellmixed trust accuracy mechanics" in done.output
 
 
 def test_bonds_may_be_left_out(line4):

@@ -13,7 +13,7 @@ from synthetic_runs import breaking_run, line_network, restarted_run
 
 from calibration.estimating.diagnosing.diagnosis import diagnose
 from calibration.estimating.estimate import estimate
-from calibration.watched.study import watched_study
+from calibration.observed.study import observed_study
 from kinetics import Model
 from kinetics.formats import read, write
 from kinetics.network import Network, Tank
@@ -68,7 +68,7 @@ def written(folder, paths, kind="csv"):
 def test_a_round_trip_gives_the_same_rates_to_the_last_digit(tmp_path, kind):
     paths = paths_of_all_kinds()
     files = written(tmp_path, paths, kind)
-    study = watched_study("line4", line_network(), *files)
+    study = observed_study("line4", line_network(), *files)
     assert study.calibration.table() == estimate(paths).table()
     assert study.calibration.table() == estimate(paths[::-1]).table()  # whatever the order of the runs
     np.testing.assert_equal(study.diagnosis.table(), diagnose(paths).table())
@@ -96,7 +96,7 @@ def counts_table(path, name):
 def test_counts_give_the_same_rates_to_the_last_digit(tmp_path):
     path = paths_of_all_kinds()[0]
     counts_table(path, "a").to_csv(tmp_path / "counts.csv", index=False)
-    study = watched_study("line4", line_network(), tmp_path / "counts.csv", cubes=60)
+    study = observed_study("line4", line_network(), tmp_path / "counts.csv", cubes=60)
     assert study.calibration.table() == estimate([path]).table()
 
 
@@ -106,7 +106,7 @@ def test_a_simulation_under_a_break_model_is_read_as_the_book_has_it(tmp_path):
     expansion = Expansion.of(base, break_model("collision-wall"))
     known = expansion.network.with_rates(np.full(len(expansion.network.channels), 1e-3))
     paths = [sample_path(known, [60, 0, 0, 0], 100.0, seed=6, run=run) for run in range(2)]
-    study = watched_study("line4", base, *written(tmp_path, paths))
+    study = observed_study("line4", base, *written(tmp_path, paths))
     assert study.calibration.table() == estimate(expansion.on_base(path) for path in paths).table()
     assert study.calibration.total.events.min() > 0
 
@@ -121,8 +121,8 @@ def study_of_known_rates(folder, i, clock=1.0):
             frames = [counts_table(path, run) for run, path in enumerate(told)]
             file = Path(own) / "counts.csv"
             file.write_text("".join(frame.to_csv(index=False, header=not run) for run, frame in enumerate(frames)))
-            return watched_study("line4", line_network(), file)
-        return watched_study("line4", line_network(), *written(Path(own), told))
+            return observed_study("line4", line_network(), file)
+        return observed_study("line4", line_network(), *written(Path(own), told))
 
 
 def covered(studies):
@@ -146,10 +146,10 @@ def test_intervals_of_simulated_studies_cover_the_truth(tmp_path, request):
 
 def test_one_run_has_a_wide_interval_and_is_not_tested_against_others(tmp_path):
     path = sample_path(line_network(), [60, 0, 0, 0], 100.0, seed=6)
-    study = watched_study("line4", line_network(), *written(tmp_path, [path]))
+    study = observed_study("line4", line_network(), *written(tmp_path, [path]))
     assert all(math.isnan(row["runs"]) and math.isnan(row["start"]) for row in study.diagnosis.p_values())
     many = [sample_path(line_network(), [60, 0, 0, 0], 100.0, seed=6, run=run) for run in range(9)]
-    nine = watched_study("line4", line_network(), *written(tmp_path, many))
+    nine = observed_study("line4", line_network(), *written(tmp_path, many))
     assert not all(math.isnan(row["runs"]) for row in nine.diagnosis.p_values())  # the control
     for alone, pooled in zip(study.calibration.table(), nine.calibration.table(), strict=True):
         assert (alone["high"] - alone["low"]) > 2 * (pooled["high"] - pooled["low"])
@@ -157,7 +157,7 @@ def test_one_run_has_a_wide_interval_and_is_not_tested_against_others(tmp_path):
 
 def test_a_channel_that_could_not_fire_is_not_measured(tmp_path):
     (tmp_path / "events.csv").write_text("run,time,channel,monomer\na,0,start,4\na,1,1+1->2\na,9,end\n")
-    study = watched_study("line4", line_network(), tmp_path / "events.csv")
+    study = observed_study("line4", line_network(), tmp_path / "events.csv")
     assert study.rates.not_measured == ["1+3->4", "2+2->4", "3->1+2", "4->1+3", "4->2+2"]
 
 
@@ -165,7 +165,7 @@ def test_rate_laws_have_no_constants_to_estimate(tmp_path):
     network = Network.from_reactions({"go": ({"A": 1}, {"B": 1})}, ["A / (3 + A)"])
     (tmp_path / "events.csv").write_text("run,time,channel,A\na,0,start,4\na,9,end\n")
     with pytest.raises(ValueError, match=r"model\.net: rate constants are those of mass action; rate laws .* own: go"):
-        watched_study("model.net", network, tmp_path / "events.csv")
+        observed_study("model.net", network, tmp_path / "events.csv")
 
 
 @pytest.fixture
@@ -185,7 +185,7 @@ def test_the_command(wellmixed_here, tmp_path, tables):
     assert "Rates of line4" in (tmp_path / "report.html").read_text(encoding="utf-8")
     rates.apply(line_network())
     told = wellmixed_here(*command, cwd=tmp_path).out
-    assert "5 watched runs, 370 tu" in told
+    assert "5 observed runs, 370 tu" in told
 
 
 def test_the_command_with_one_run(wellmixed_here, tmp_path):
@@ -195,7 +195,7 @@ def test_the_command_with_one_run(wellmixed_here, tmp_path):
     done = wellmixed_here(*command, "--report", "report.html", cwd=tmp_path)
     assert (done.code, done.err) == (0, "")
     assert re.search(r"(?m)^1\+1->2 .* - ", done.out)  # one run is not tested against others
-    assert "1 watched run, 100 tu" in done.out
+    assert "1 observed run, 100 tu" in done.out
     assert "not testable" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
@@ -234,9 +234,9 @@ def test_a_network_file_says_what_can_happen(wellmixed_here, tmp_path, tables, s
         (["--events", "events.csv", "--seed", 2], "--seed is about mechanics runs, and --events makes none"),
         (
             ["--run-table", "runs.csv"],
-            "--run-table describes runs that others watched; name their table too, by --events",
+            "--run-table describes observed runs; name their table too, by --events",
         ),
-        (["--tank", 2, 2, 3], "--tank describes runs that others watched; name their table too"),
+        (["--tank", 2, 2, 3], "--tank describes observed runs; name their table too"),
         (["--events", "events.csv"], "run run 0 has no start"),
         (["--events", "no.csv"], "'no.csv' does not exist"),
         (["--events", "events.csv", "--run-table", "runs.csv", "--tank", 2, 2, 3], "both --tank and the column tank"),

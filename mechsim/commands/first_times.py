@@ -1,4 +1,4 @@
-"""The command `wellmixed study`: first-passage times to the target against the settings of a scene."""
+"""The command `wellmixed study first-times`: first-passage times to the target against the settings of a scene."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 @run_options
 @seed_option
 @json_option
-def study(
+def first_times(
     study: str,
     runs: int | None,
     choices: tuple[str, ...],

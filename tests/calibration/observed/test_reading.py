@@ -1,4 +1,4 @@
-"""Tables of watched runs: what they say is what happened, and what cannot be is refused where it stands."""
+"""Tables of observed runs: what they say is what happened, and what cannot be is refused where it stands."""
 
 import re
 import subprocess
@@ -10,12 +10,12 @@ import pandas as pd
 import pytest
 from synthetic_runs import line_network
 
-from calibration.watched.reading import read_watched
-from calibration.watched.tables import read_table
+from calibration.observed.reading import read_observed
+from calibration.observed.tables import read_table
 from kinetics.network import Network, Tank
 from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART
 
-DOCUMENT = Path(__file__).parents[3] / "docs" / "watched_events.md"
+DOCUMENT = Path(__file__).parents[3] / "docs" / "observed_events.md"
 MARKED, COUNTS, RUNS = re.findall(r"```csv\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), flags=re.DOTALL)
 TANK = Tank((2.0, 2.0, 3.0))
 EVENTS = """run,time,channel
@@ -32,7 +32,7 @@ def read(tmp_path):
         if runs is not None:
             (tmp_path / "runs.csv").write_text(runs, encoding="utf-8")
             runs = tmp_path / "runs.csv"
-        return read_watched(network or line_network(), tmp_path / "events.csv", runs, **said)
+        return read_observed(network or line_network(), tmp_path / "events.csv", runs, **said)
 
     return read_texts
 
@@ -52,8 +52,8 @@ def fired(path):
 
 
 def test_marked_rows(read):
-    watched = read(MARKED, tank=TANK)
-    monday, tuesday = watched.values()
+    observed = read(MARKED, tank=TANK)
+    monday, tuesday = observed.values()
     assert fired(monday) == ["1+1->2", "1+1->2", "2->1+1", "1+2->3"]
     assert monday.times.tolist() == [12.5, 30.2, 41.0, 55.8]
     assert (monday.initial.tolist(), monday.end) == ([20, 0, 0, 0], 100.0)
@@ -81,8 +81,8 @@ def test_a_row_without_a_change_is_no_event(read):
 
 
 def test_a_table_of_runs(read):
-    watched = read(EVENTS, RUNS)
-    monday, tuesday = watched.values()
+    observed = read(EVENTS, RUNS)
+    monday, tuesday = observed.values()
     assert monday.open_channels.all()
     assert [
         name for name, is_open in zip(tuesday.network.channels, tuesday.open_channels, strict=True) if not is_open
@@ -93,10 +93,10 @@ def test_a_table_of_runs(read):
 
 
 def test_a_run_without_events_and_a_start_from_single_cubes(read):
-    watched = read(
+    observed = read(
         EVENTS[: EVENTS.index("tuesday")], "run,start,end\nmonday,0,50\nquiet,0,70\n", cubes=12, single="monomer"
     )
-    quiet = watched["quiet"]
+    quiet = observed["quiet"]
     assert (quiet.initial.tolist(), quiet.times.size, quiet.end) == ([12, 0, 0, 0], 0, 70.0)
 
 
@@ -110,7 +110,7 @@ def test_both_kinds_of_file_say_the_same(tmp_path):
     (tmp_path / "events.csv").write_text(COUNTS, encoding="utf-8-sig")
     frame = pd.read_csv(tmp_path / "events.csv")
     frame.to_parquet(tmp_path / "events.parquet")
-    one, other = (read_watched(line_network(), tmp_path / f"events.{kind}")["monday"] for kind in ("csv", "parquet"))
+    one, other = (read_observed(line_network(), tmp_path / f"events.{kind}")["monday"] for kind in ("csv", "parquet"))
     np.testing.assert_array_equal(one.times, other.times)
     np.testing.assert_array_equal(one.channels, other.channels)
 
@@ -272,7 +272,7 @@ def test_files_that_are_none(tmp_path, name, data, said):
     if data is not None:
         (tmp_path / name).write_bytes(data)
     with pytest.raises(ValueError, match=re.escape(said)):
-        read_watched(line_network(), tmp_path / name)
+        read_observed(line_network(), tmp_path / name)
 
 
 CORPUS = Path(__file__).parents[2] / "kinetics/corpus"
@@ -287,12 +287,12 @@ CORPUS = Path(__file__).parents[2] / "kinetics/corpus"
 )
 def test_a_sound_parquet_file_may_hold_what_is_no_table(name, said):
     with pytest.raises(ValueError, match=re.escape(said)):
-        read_watched(line_network(), CORPUS / f"{name}.parquet")
+        read_observed(line_network(), CORPUS / f"{name}.parquet")
 
 
 MEASURED = """
 import resource, sys
-from calibration.watched.tables import read_table
+from calibration.observed.tables import read_table
 import pyarrow.parquet
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 read_table(sys.argv[1])

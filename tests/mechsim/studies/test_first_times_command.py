@@ -1,11 +1,11 @@
-"""`wellmixed study`: the cost comes first, nothing is made twice, mistakes are told before any work."""
+"""`wellmixed study first-times`: the cost comes first, nothing is made twice, mistakes are told before any work."""
 
 import pytest
 from command_line import run_here
 
 
 def command(*arguments, cwd):
-    return run_here("study", *arguments, cwd=cwd)
+    return run_here("study", "first-times", *arguments, cwd=cwd)
 
 
 OWN = """

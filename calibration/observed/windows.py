@@ -1,4 +1,4 @@
-"""From when to when each run was watched, and what it began with: from marked rows, or from a table of the runs."""
+"""From when to when each run was observed, and what it began with: from marked rows, or from a table of the runs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.watched.tables import Table, near
+from calibration.observed.tables import Table, near
 from kinetics.network import Network, Tank
 from kinetics.rates.breaks import base_channel
 from kinetics.runs.event_tables import BETWEEN, END, RUN_COLUMNS, START
@@ -85,8 +85,8 @@ class Given:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
-    """How one run was watched.
+class ObservationWindow:
+    """How one run was observed.
 
     where : the row that says so
     start, end : tu, on the clock of the table
@@ -110,10 +110,10 @@ class Frame:
             raise ValueError(f"{self.where}: it ends at {self.end:g} and starts at {self.start:g}; the end comes later")
 
 
-def frames_of_rows(given: Given, events: Table) -> dict[str, Frame]:
-    """Frames of all runs, from rows of `events` that are marked start and end."""
+def windows_of_rows(given: Given, events: Table) -> dict[str, ObservationWindow]:
+    """Observation windows of all runs, from rows of `events` that are marked start and end."""
     starts, ends = (_marked(events, word) for word in (START, END))
-    frames = {}
+    windows = {}
     for run in dict.fromkeys(events.columns["run"]):
         for word, rows in ((START, starts), (END, ends)):
             if run not in rows:
@@ -128,12 +128,12 @@ def frames_of_rows(given: Given, events: Table) -> dict[str, Frame]:
         start, end = events.numbers("time", both)
         is_open = np.ones(len(given.network.channels), bool)
         initial, final = given.initial(events, starts[run]), given.counts(events, ends[run])
-        frames[run] = Frame(events.where(starts[run]), start, end, initial, is_open, final, given.tank)
-    return frames
+        windows[run] = ObservationWindow(events.where(starts[run]), start, end, initial, is_open, final, given.tank)
+    return windows
 
 
-def frames_of_table(given: Given, events: Table, runs: Table) -> dict[str, Frame]:
-    """Frames of all runs, from a table of the runs."""
+def windows_of_table(given: Given, events: Table, runs: Table) -> dict[str, ObservationWindow]:
+    """Observation windows of all runs, from a table of the runs."""
     runs.require("run", "start", "end")
     given.check_titles(runs, RUN_COLUMNS)
     for word in (START, END):
@@ -141,7 +141,7 @@ def frames_of_table(given: Given, events: Table, runs: Table) -> dict[str, Frame
             raise ValueError(f"{events.where(row)}: {runs.name} says when runs start and end; leave this row out")
     if given.tank is not None and "tank" in runs.columns:
         raise ValueError(f"both --tank and the column tank of {runs.name} say how large a tank is; give one of them")
-    frames: dict[str, Frame] = {}
+    windows: dict[str, ObservationWindow] = {}
     rows = np.arange(len(runs))
     start, end = runs.numbers("start", rows), runs.numbers("end", rows)
     resolution = np.zeros(len(runs))
@@ -149,13 +149,13 @@ def frames_of_table(given: Given, events: Table, runs: Table) -> dict[str, Frame
         resolution = np.nan_to_num(runs.numbers("resolution", rows, may_be_empty=True))
     for row in range(len(runs)):
         run, where = runs.columns["run"][row], runs.where(row)
-        if not run or run in frames:
+        if not run or run in windows:
             raise ValueError(f"{where}: {'a second row of this run' if run else 'the run is not named'}")
         if resolution[row] < 0 or start[row] + resolution[row] > end[row] > start[row]:
             long = end[row] - start[row]
             raise ValueError(f"{where}: resolution = {resolution[row]:g}; expected a time from 0 to the run's {long:g}")
         said = runs.columns["tank"][row].split() if "tank" in runs.columns else ()
-        frames[run] = Frame(
+        windows[run] = ObservationWindow(
             where,
             float(start[row]),
             float(end[row]),
@@ -164,7 +164,7 @@ def frames_of_table(given: Given, events: Table, runs: Table) -> dict[str, Frame
             tank=_tank(said, where) if said else given.tank,
             resolution=float(resolution[row]),
         )
-    return frames
+    return windows
 
 
 def _tank(lengths: Sequence[str], where: str) -> Tank:

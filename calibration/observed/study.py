@@ -1,4 +1,4 @@
-"""Calibration from what others watched: the same estimates, diagnostics and rates file as from mechanics runs."""
+"""Calibration from what others observed: the same estimates, diagnostics and rates file as from mechanics runs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 from calibration.estimating.break_comparison import BreakComparison, rates_with_breaks
 from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
-from calibration.watched.reading import read_watched
+from calibration.observed.reading import read_observed
 from kinetics.network import Network, Tank
 from kinetics.rates import Rates
 from kinetics.runs import JumpPath
@@ -22,8 +22,8 @@ from kinetics.support.tables import in_unit
 
 
 @dataclass(frozen=True, eq=False)
-class WatchedStudy:
-    """Runs that others watched, and what they show.
+class ObservedStudy:
+    """Runs that others observed, and what they show.
 
     name : of the rule book or network file
     runs : name of a run -> what happened
@@ -67,12 +67,12 @@ class WatchedStudy:
         runs, unit = len(self.paths), self.calibration.network.time_unit
         duration = in_unit(f"{sum(path.end for path in self.paths):g}", unit)
         events = int(self.calibration.total.events.sum())
-        return f"{runs} watched run{'s' if runs > 1 else ''}, {duration} and {events} events in all"
+        return f"{runs} observed run{'s' if runs > 1 else ''}, {duration} and {events} events in all"
 
     @property
     def made(self) -> str:
         """How the runs were made, in a sentence."""
-        return "Others watched the runs; their tables are the data."
+        return "Others observed the runs; their tables are the data."
 
     @cached_property
     def rates(self) -> Rates:
@@ -88,7 +88,7 @@ class WatchedStudy:
         return rates_with_breaks(self.calibration, self.break_models, evidence)
 
 
-def watched_study(
+def observed_study(
     source: str,
     network: Network,
     events: str | Path,
@@ -98,8 +98,8 @@ def watched_study(
     single: str | None = None,
     tank: Tank | None = None,
     breaks: str | None = None,
-) -> WatchedStudy:
-    """Read the tables of runs that others watched; the arguments are those of `read_watched`.
+) -> ObservedStudy:
+    """Read the tables of runs that others observed; the arguments are those of `read_observed`.
 
     source : name of the rule book or network file that gives the network
     breaks : name of a break model, `auto`, or None for breaks as they were counted
@@ -109,10 +109,10 @@ def watched_study(
     if not network.is_mass_action:
         named = ", ".join([*network.laws, *(event.name for event in network.events)])
         raise ValueError(f"{source}: rate constants are those of mass action; rate laws or events of its own: {named}")
-    paths = read_watched(network, events, runs, cubes=cubes, single=single, tank=tank)
+    paths = read_observed(network, events, runs, cubes=cubes, single=single, tank=tank)
     files = [Path(file) for file in (events, runs) if file is not None]
     settings: dict[str, Any] = {
         "events_file": files[0].name,
         "tables_sha256": [hashlib.sha256(bytes_in(file)).hexdigest() for file in files],
     }
-    return WatchedStudy(source, paths, settings | ({} if cubes is None else {"cubes": cubes}), breaks)
+    return ObservedStudy(source, paths, settings | ({} if cubes is None else {"cubes": cubes}), breaks)

@@ -1,6 +1,6 @@
 """Jump paths from tables that others wrote: each row is checked against what the network lets happen.
 
-The format is described in docs/watched_events.md; `kinetics.runs.event_tables` writes it. Nothing is repaired or
+The format is described in docs/observed_events.md; `kinetics.runs.event_tables` writes it. Nothing is repaired or
 guessed: a row that cannot be, or that could be two things, is an error that says where it stands.
 """
 
@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.watched.frames import Frame, Given, frames_of_rows, frames_of_table
-from calibration.watched.tables import Table, read_table
+from calibration.observed.tables import Table, read_table
+from calibration.observed.windows import Given, ObservationWindow, windows_of_rows, windows_of_table
 from kinetics.network import Network, Tank
 from kinetics.rates.breaks import is_break
 from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
@@ -27,7 +27,7 @@ UNNAMED = -2  # a row that names no channel; RESTART is -1
 NEAREST = 3  # channels that are shown where none fits
 
 
-def read_watched(
+def read_observed(
     network: Network,
     events: str | Path,
     runs: str | Path | None = None,
@@ -53,15 +53,15 @@ def read_watched(
     given.check_titles(table, (*EVENT_COLUMNS, *NOTES))
     if not given.species(table):
         table.require("channel")
-    frames = frames_of_rows(given, table) if runs is None else frames_of_table(given, table, read_table(runs))
+    windows = windows_of_rows(given, table) if runs is None else windows_of_table(given, table, read_table(runs))
     reader = _Reader(given, table)
     rows = reader.rows_by_run()
     for run in rows:
-        if run not in frames:
+        if run not in windows:
             raise ValueError(
                 f"{table.where(rows[run][0])}: the table of runs does not name this run; add when it started"
             )
-    return {run: reader.path(run, frame, rows.get(run, np.zeros(0, np.intp))) for run, frame in frames.items()}
+    return {run: reader.path(run, window, rows.get(run, np.zeros(0, np.intp))) for run, window in windows.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,35 +98,35 @@ class _Reader:
                 found.setdefault(run, []).append(row)
         return {run: np.array(rows, dtype=np.intp) for run, rows in found.items()}
 
-    def path(self, run: str, frame: Frame, rows: Rows) -> JumpPath:
+    def path(self, run: str, window: ObservationWindow, rows: Rows) -> JumpPath:
         """The jump path of one run."""
         times = self.events.numbers("time", rows)
-        self.check_order(frame, rows, times)
+        self.check_order(window, rows, times)
         fired = self.channels[rows]
         titles = self.given.species(self.events)
         stated = self.events.counts(titles, rows)
         if titles and not np.isnan(stated).all():
-            fired = self.inferred(frame, rows, stated)
+            fired = self.inferred(window, rows, stated)
         elif (fired == UNNAMED).any():
             raise ValueError(f"{self.events.where(rows[(fired == UNNAMED).argmax()])}: neither a channel nor counts")
         is_change = fired != UNNAMED
         try:
             path = JumpPath(
                 self.network,
-                frame.initial,
-                times[is_change] - frame.start,
+                window.initial,
+                times[is_change] - window.start,
                 fired[is_change],
-                frame.end - frame.start,
-                frame.is_open,
-                frame.tank,
+                window.end - window.start,
+                window.is_open,
+                window.tank,
                 self.partners(rows[is_change], fired[is_change]),
-                frame.resolution,
+                window.resolution,
             )
         except ValueError as error:
             raise ValueError(
                 f"{self.events.name}, run {run}, times from its start: {error}; check the rows before, and its start"
             ) from error
-        final, counts = frame.final or {}, path.at([path.end])[0]
+        final, counts = window.final or {}, path.at([path.end])[0]
         if not np.array_equal(counts[[self.network.index(name) for name in final]], list(final.values())):
             said, left = self.text(self.network.state(final)), self.text(counts)
             raise ValueError(f"{self.events.name}, run {run}: it ends with {said}, but its rows leave {left}")
@@ -151,15 +151,15 @@ class _Reader:
             found.append(known.get(name, BY_UNKNOWN) if can_have else NO_BREAK)
         return np.array(found, dtype=np.int64)
 
-    def check_order(self, frame: Frame, rows: Rows, times: Floats) -> None:
+    def check_order(self, window: ObservationWindow, rows: Rows, times: Floats) -> None:
         """Times rise from start to end; equal ones only at a restart, or within the resolution."""
-        before = np.concatenate([[frame.start], times])[:-1]
+        before = np.concatenate([[window.start], times])[:-1]
         for is_wrong, said in (
-            (times < frame.start, f"this run has not started yet; it starts at {frame.start:g}"),
-            (times > frame.end, f"this run is over; it ends at {frame.end:g}"),
+            (times < window.start, f"this run has not started yet; it starts at {window.start:g}"),
+            (times > window.end, f"this run is over; it ends at {window.end:g}"),
             (times < before, "this comes after a row with a later time; sort the rows of a run by time"),
             (
-                (times == before) & (self.channels[rows] != RESTART) & (frame.resolution == 0),
+                (times == before) & (self.channels[rows] != RESTART) & (window.resolution == 0),
                 "a second row at this time; if the clock is so coarse, say it in a table of runs, column resolution",
             ),
         ):
@@ -172,9 +172,9 @@ class _Reader:
         """The species that have a column; of the others the table says nothing after a start."""
         return [self.network.index(name) for name in self.given.species(self.events)]
 
-    def inferred(self, frame: Frame, rows: Rows, stated: Floats) -> Ints:
+    def inferred(self, window: ObservationWindow, rows: Rows, stated: Floats) -> Ints:
         """Channels (len(rows),) where counts are stated; UNNAMED in a row that changes nothing."""
-        fired, state = self.channels[rows], frame.initial
+        fired, state = self.channels[rows], window.initial
         for place, row in enumerate(rows.tolist()):
             empty = np.isnan(stated[place])
             if empty.any() and not empty.all():
@@ -188,7 +188,7 @@ class _Reader:
                 if after is None:
                     raise ValueError(f"{self.events.where(row)}: neither a channel nor counts")
                 fired[place] = self.channel_of(row, after - state, state)
-            expected = self.after(state, int(fired[place]), frame.initial)
+            expected = self.after(state, int(fired[place]), window.initial)
             if after is not None and not np.array_equal(after[self.counted], expected[self.counted]):
                 raise ValueError(
                     f"{self.events.where(row)}: {self.events.columns['channel'][row]} leaves {self.text(expected)}, "
