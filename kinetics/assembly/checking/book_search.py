@@ -1,6 +1,6 @@
 """Whether so many letters do: a search over rules, not letters, that shares no code with the compiler.
 
-Pieces of the target meet; where nothing is settled yet about what a cube reads, every answer is tried; and an answer
+Pieces of the target meet; if nothing is settled yet about what a cube reads, every answer is tried; and an answer
 falls with the first structure that is no piece of the target, or that comes with other letters than before.
 """
 
@@ -20,9 +20,9 @@ Join = tuple[int, int, int]  # two pieces, the smaller number first, and what th
 
 
 class PieceEvent(NamedTuple):
-    """Two pieces meet, or one breaks; cubes have names in the place of letters.
+    """Two pieces meet, or one breaks; cubes have names in place of letters.
 
-    after : where both cubes answer, the pieces, each with its cubes; those that answer are `0` and `1`
+    after : if both cubes answer, the pieces, each with its cubes; those that answer are `0` and `1`
     """
 
     before: tuple[int, ...]
@@ -63,7 +63,7 @@ class Pieces:
         return self.number.get(bare.canonical(self.scheme), -1), tuple([letter for _, letter in in_order])
 
     def docking(self, one: Structure, i: int, two: Structure, j: int) -> PieceEvent:
-        """Cube i of a piece, with its names, beside cube j of another; ValueError where they overlap or are apart."""
+        """Cube i of a piece, with its names, beside cube j of another; ValueError if they overlap or are apart."""
         if not one.places.keys().isdisjoint(two.places):
             raise ValueError(f"{one} and {two} overlap")
         a, b = sorted(int(side.letters[0].split(".")[0]) for side in (one, two))
@@ -176,7 +176,7 @@ class BookSearch:
             return None
 
     def _go_on(self, state: _State, n: int) -> int | None:
-        """Complete the rules so that all goes well from the n-th thing to do on: None where that works, else the rules
+        """Complete the rules so that all goes well from the n-th thing to do on: None if that works, else the rules
         that cannot all stay. Of the rules before, only those are tried again that have a part in a fault
         (conflict-directed backjumping; Prosser 1993, doi:10.1111/j.1467-8640.1993.tb00310.x).
         """

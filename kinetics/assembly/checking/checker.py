@@ -39,7 +39,7 @@ def check(
 
 
 def report_of(examined: Examined, slow_waves: bool = True) -> Report:
-    """The same about an exploration that is there already.
+    """The report on an exploration made before.
 
     Slow waves are explored up to ten times as many structures, and to twice the cubes of the largest one at rest.
     """

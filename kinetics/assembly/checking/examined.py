@@ -28,13 +28,13 @@ class Examined:
 
     @cached_property
     def seed(self) -> int | None:
-        """The seed; None where there is none, or where its letter at once becomes that of a free cube."""
+        """The seed; None if there is none, or if its letter at once becomes that of a free cube."""
         seed, free = (cube and cube.canonical(self.book.scheme) for cube in (self.book.seed(), self.book.monomer()))
         return None if seed in (None, free) else 1  # explored right after the free cube
 
     @cached_property
     def targets(self) -> frozenset[int]:
-        """The target, and its mirror image in letters; empty where the book names none or never makes it."""
+        """The target, and its mirror image in letters; empty if the book names none or never makes it."""
         target, scheme = self.book.target, self.book.scheme
         if target is None:
             return frozenset()
@@ -42,7 +42,7 @@ class Examined:
         return frozenset(number for number, structure in made if same_to_rules(structure, target, scheme))
 
     def closure(self) -> Iterable[Finding]:
-        """Structures without end, explorations without end, rules without rest."""
+        """Structures infinite, explorations infinite, rules without rest."""
         found = self.found
         if found.beyond is not None:
             a, b, made = found.beyond
@@ -106,7 +106,7 @@ class Examined:
 
     @cached_property
     def lost(self) -> list[Cube]:
-        """The cubes that never come home; none where the book names no target or never makes it."""
+        """The cubes that never come home; none if the book names no target or never makes it."""
         return lost_cubes(self.found, self.targets, self.progress) if self.targets else []
 
     def squeezes(self) -> Iterable[Finding]:

@@ -91,7 +91,7 @@ class Clauses:
         return found
 
     def _alike(self, one: tuple[int, ...], other: tuple[int, ...]) -> int:
-        """True where cells have the same letters as others, in any order; else as it may be."""
+        """True if cells have the same letters as others, in any order; else as it may be."""
         if (one, other) not in self._same:
             self._same[one, other] = alike = self.literal()
             first, second = self._count(one), self._count(other)

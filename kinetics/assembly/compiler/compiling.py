@@ -214,7 +214,7 @@ class _Asked:
             return Ruled(senses, str(error), isinstance(error, InfeasibleError), (), ())
 
     def turned(self, target: Target, senses: Senses) -> Compiled | Ruled:
-        """The same for a target whose cubes are turned."""
+        """A book for a target with cubes turned as given."""
         plan = self.plan(target, senses)
         joins, clashing = None, []
         if target.joins is not None:
@@ -283,7 +283,7 @@ class _Asked:
         return f"{tried} found to be enough in the steps and the time allowed"
 
     def _quick(self, senses: Senses) -> Compiled | Ruled | None:
-        """An attempt with fewer steps; None where it is out of question, or time is up."""
+        """An attempt with fewer steps; None if it is out of question, or time is up."""
         try:
             return self.rung(senses, REMEDY_STEPS)
         except (InfeasibleError, TimeoutError):

@@ -101,7 +101,7 @@ class Planner:
 
     senses : of the cubes
     orbits : they come one after the other
-    axis : of the seed's top, at the origin; fixed : of all others, where given; else any that suits
+    axis : of the seed's top, at the origin; fixed : of all others, if given; else any that suits
     budget : most trials of an orbit
     """
 

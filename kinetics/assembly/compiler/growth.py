@@ -17,7 +17,7 @@ from kinetics.assembly.rules.conditions import Senses
 
 TOP, SIDE = "f1", "f2"
 ROLLS = ("parallel", "crossed")
-NOBODY, FREE = -1, -2  # the letter across where there is no cube, or where it is not sensed; that of a free cube
+NOBODY, FREE = -1, -2  # the letter across if there is no cube, or if it is not sensed; that of a free cube
 MOST_STATES = 6000  # of one stage; 16 cubes that come in any order make 4,500 or so
 Letters = dict[Position, int]
 
@@ -80,7 +80,7 @@ class Stage:
 def symmetries(
     turns: Iterable[Turn], letters: Mapping[Position, int], axes: Mapping[Position, int] | None
 ) -> list[Turn]:
-    """The turns that put cubes with these letters, and tops along these axes where given, onto themselves."""
+    """The turns that put cubes with these letters, and tops along these axes if given, onto themselves."""
 
     def fits(turn: Turn) -> bool:
         for place, letter in letters.items():

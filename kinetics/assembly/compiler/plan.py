@@ -61,7 +61,7 @@ class Plan:
 
     dockings : its parts, and how they meet
     joins : the ways of each join of two parts into a part, by what the two cubes read
-    breaks : for each break, the waves that follow in the pieces; empty where bonds hold
+    breaks : for each break, the waves that follow in the pieces; empty if bonds hold
     """
 
     dockings: Dockings

@@ -21,7 +21,7 @@ class Counterexample(NamedTuple):
     text : what is wrong
     is_error : else it is a warning
     steps : the events that lead there, in words; changes : their structures before and after, as they are to lie
-    structure : where it leads to; drawn by itself where there are no changes
+    structure : where it leads to; drawn by itself if there are no changes
     """
 
     text: str

@@ -20,11 +20,11 @@ class Declared(Protocol):
 
     @property
     def initial(self) -> str:
-        """That of a free cube."""
+        """The letter of a free cube."""
 
     @property
     def seed_letter(self) -> str | None:
-        """That of the seed, if there is one."""
+        """The letter of the seed, or None without a seed."""
 
     @property
     def senses(self) -> Senses:

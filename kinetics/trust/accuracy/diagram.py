@@ -39,7 +39,7 @@ class CostPoint:
 
     repeats : how often it was tried; cpu_seconds : of one try, the median
     error : mean over the repeats; low, high : smallest and largest distance in copies among them
-    bound : proven bound on the distance from the exact distribution, copies; None where none is proven
+    bound : proven bound on the distance from the exact distribution, copies; None if none is proven
     chosen : of an accuracy that was asked for, the method that answered
     """
 
@@ -73,8 +73,8 @@ class Diagram(Shown, Tabular):
     reference_bound : bound on the distance of the reference from the exact distribution, copies; smaller errors of
         others are differences from the reference and nothing more
     is_proven : whether that bound is proven, else an estimate
-    floors : runs -> expected error of so many independent exact runs at the time where it is largest
-    is_complete : whether all was tried that the budget allowed; not so where someone interrupted
+    floors : runs -> expected error of so many independent exact runs at the time when it is largest
+    is_complete : whether all was tried that the budget allowed; not so if someone interrupted
     """
 
     title: str

@@ -34,7 +34,7 @@ def chain_of(space: StateSpace) -> DiscreteChain:
 
 
 def expected_after(chain: DiscreteChain, functions: Floats, gap: float) -> Expectations | None:
-    """Expectations of functions (N, K), none negative and at most 1, after `gap` tu; None where it takes too long.
+    """Expectations of functions (N, K), none negative and at most 1, after `gap` tu; None if it takes too long.
 
     Uniformisation of du/dt = Q u. The steps are those of the forward equation, whose bound on rounding holds: every
     step changes each term of a row by so many roundings, whichever side the vector stands on.

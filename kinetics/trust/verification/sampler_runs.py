@@ -83,10 +83,10 @@ class SamplerRuns:
 
     @cached_property
     def fine_rows(self) -> NDArray[np.intp]:
-        """The same (m, F) at the fine times."""
+        """State numbers (m, F) at the fine times; -1 for an unknown state."""
         return self.reference.solution.space.index_of(self.fine)
 
     @cached_property
     def next_fine_rows(self) -> NDArray[np.intp]:
-        """The same (m, F) of the next seed."""
+        """State numbers (m, F) at the fine times, of runs with the next seed; -1 for an unknown state."""
         return self.reference.solution.space.index_of(self.next_fine)
