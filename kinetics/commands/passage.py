@@ -20,7 +20,7 @@ from kinetics.support.cli.options import (
     model_options,
     plot_option,
     seed_option,
-    within_option,
+    truncate_option,
 )
 from kinetics.support.cli.progress import progress_line, stage
 from kinetics.support.tables import figure, in_unit, of_unit, text_table
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 MOST = 1_000_000  # states
 INSTEAD = (
-    "Follow the chain --within some of them, which gives bounds; start from fewer copies, or sample by "
+    "Truncate the chain by --truncate, which gives bounds; start from fewer copies, or sample by "
     '`wellmixed scan`, whose question R{"time"}=? [ F ... ] is the mean time'
 )
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
@@ -52,14 +52,15 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     help="Number of its copies to wait for.",
 )
 @click.option(
-    "--draws",
+    "--posterior-draws",
+    "draws",
     metavar="N",
     type=click.IntRange(min=2),
     default=100,
     show_default=True,
     help="Number of draws of the rates from which the interval is made.",
 )
-@within_option
+@truncate_option
 @click.option(
     "--sensitivity",
     "with_sensitivity",
@@ -87,7 +88,7 @@ def passage(
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. The time is solved
     for, not sampled. If the rates come with their events and exposure, the mean is the posterior median of the mean
     time, with a 95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant.
-    A network with too many states is followed --within some of them, which gives bounds.
+    A network with too many states is truncated by --truncate, which gives bounds.
     """
     from kinetics.markov.network_questions import chain_to
     from kinetics.predicting import predict_passage
@@ -96,7 +97,7 @@ def passage(
     model, rates, tank = given = described(asked)
     counted = model.counted(species)
     if within is not None and (plot_files or with_sensitivity):
-        raise ValueError("--within gives bounds, which have neither --plot nor --sensitivity; leave one out")
+        raise ValueError("--truncate gives bounds, which have neither --plot nor --sensitivity; leave one out")
     slopes = None
     with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:
         progress("solving for the passage")
