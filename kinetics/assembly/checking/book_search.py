@@ -1,4 +1,4 @@
-"""Whether so many letters do: a search over rules, not letters, that shares no code with the compiler.
+"""Whether a number of letters suffices: a search over rules that shares no code with the compiler.
 
 Pieces of the target meet; if nothing is settled yet about what a cube reads, every answer is tried; and an answer
 falls with the first structure that is no piece of the target, or that comes with other letters than before.
@@ -63,7 +63,7 @@ class Pieces:
         return self.number.get(bare.canonical(self.scheme), -1), tuple([letter for _, letter in in_order])
 
     def docking(self, one: Structure, i: int, two: Structure, j: int) -> PieceEvent:
-        """Cube i of a piece, with its names, beside cube j of another; ValueError if they overlap or are apart."""
+        """Cube i of a piece, with its names, next to cube j of another. ValueError if they overlap or do not touch."""
         if not one.places.keys().isdisjoint(two.places):
             raise ValueError(f"{one} and {two} overlap")
         a, b = sorted(int(side.letters[0].split(".")[0]) for side in (one, two))
@@ -84,7 +84,7 @@ class Pieces:
         return PieceEvent((a, b), readings, [self.placed(made) if len(made) <= self.size else (-1, ())])
 
     def meetings(self, a: int, b: int) -> list[PieceEvent]:
-        """The ways in which two pieces meet; those that look alike, with like letters in like places, once."""
+        """The ways in which two pieces meet; equivalent ways count once."""
         if (a, b) not in self._met:
             one, two = self.shapes[a], self.shapes[b]
             firsts = [
@@ -276,4 +276,4 @@ class BookSearch:
 
 
 class _Stopped(Exception):  # noqa: N818  it is no error
-    """The rules do what they must not; or, with arguments, nothing is settled about this reading."""
+    """The rules fail; or, with arguments, they are undecided for this reading."""

@@ -98,7 +98,7 @@ def _structure(cubes: Sequence[Sequence[int]]) -> Structure:
 
 
 def _impossible(pieces: Pieces, breaks: bool, pairs: Iterable[Mapping[str, Any]]) -> bool | None:
-    """Whether the target cannot be made of joins that cubes can tell from meetings that must not bond."""
+    """Whether every way to the target needs joins that cubes cannot distinguish from forbidden meetings."""
 
     def named(cubes: Sequence[Sequence[int]]) -> Structure:
         side = _structure(cubes)

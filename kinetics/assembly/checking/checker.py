@@ -65,7 +65,7 @@ def report_of(examined: Examined, slow_waves: bool = True) -> Report:
 
 
 def _why_no_waves(found: Exploration, slow_waves: bool) -> str:
-    """Why slow waves are not explored; "" where they are."""
+    """Why slow waves are not explored; "" if they are."""
     if not found.book.internal:
         return "none, as there are no internal rules"
     if not slow_waves:

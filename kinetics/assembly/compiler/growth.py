@@ -1,4 +1,4 @@
-"""Growth of a target from a seed on its own lattice: the order in which cubes dock, and what each may read.
+"""Growth of a target from a seed on its lattice: the docking order, and the possible readings of each cube.
 
 For cubes with two face types. Such a cube is known by the axis of its top; it cannot tell left from right, so places
 that a turn or a mirror takes into each other look alike to it.
@@ -94,7 +94,7 @@ def symmetries(
 
 @dataclass
 class Facts:
-    """What may be read during growth, and what has to come of it.
+    """The possible readings during growth, and their required outcomes.
 
     events : for each cube that is to come, the ways in which it may dock; with its letter
     forbidden : those of cubes that must not come
@@ -125,7 +125,7 @@ def explore_stage(
     most: int = MOST_STATES,
     tick: Callable[[], None] = lambda: None,
 ) -> Letters:
-    """Put all that may be read while a stage goes on to the facts; the letters at its end.
+    """Add the possible readings of a stage to the facts; returns the letters at its end.
 
     turns : those that leave the lone seed as it is
     is_last : also look at what may not dock to the complete stage (else its letters belong to the next)

@@ -18,7 +18,7 @@ from kinetics.assembly.compiler.growth import FREE, NOBODY, Around, Docking, Fac
 
 @dataclass(frozen=True)
 class ReadingTables:
-    """What cubes do on what they read.
+    """Reading -> reaction of a cube.
 
     hosts : readings of a cube that lets another one dock
     guests : reading of a cube that docks -> its letter

@@ -33,7 +33,7 @@ class Channel(NamedTuple):
 
 
 class Wave(NamedTuple):
-    """What goes through a part after an event.
+    """A sequence of internal rules through a part after an event.
 
     part : the part that comes of it
     before : for each of its cubes, the unknown that was its letter

@@ -1,4 +1,4 @@
-"""Why there is no rule book: encounters that cubes cannot tell from a join, whatever their letters, and in words."""
+"""Why there is no rule book: meetings that cubes cannot distinguish from a join, whatever their letters."""
 
 from __future__ import annotations
 

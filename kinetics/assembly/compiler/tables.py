@@ -1,4 +1,4 @@
-"""Rule books from tables of readings, with as few conditions as will exclude what must not dock."""
+"""Rule books from tables of readings, with as few conditions as exclude every forbidden docking."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Condition = tuple[str, Neighbours]  # the kind, `has` or `neighbours`, "" for no
 def rules_of(
     tables: ReadingTables, names: dict[int, str], senses: Senses
 ) -> tuple[tuple[Combination, ...], tuple[Internal, ...]]:
-    """The rules that do what the tables say, and on what they say nothing about, anything that is simple.
+    """The simplest rules that follow the tables; readings outside the tables are free.
 
     names : of the letters; senses : of the cubes
     """

@@ -56,7 +56,7 @@ class TargetFile(Settings):
 
 @dataclass(frozen=True)
 class Target:
-    """What is to be built, and what the rules may use for it.
+    """The structure to build, and the means that the rules may use.
 
     positions : lattice places, all different, connected through faces
     tops, fronts : direction in which each cube's top, and its front, point; None: the compiler turns the cubes

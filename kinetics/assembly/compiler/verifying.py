@@ -22,7 +22,7 @@ MOST_STRUCTURES = 4000
 
 
 class WrongBookError(RuntimeError):
-    """A compiled book does not do what it was made for: a fault of the compiler."""
+    """A compiled book does not build its target: a fault of the compiler."""
 
     def __init__(self, book: RuleBook, fault: object):
         super().__init__(f"the book compiled for {book.name!r} is wrong, please report it: {fault}")

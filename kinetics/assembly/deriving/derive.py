@@ -153,7 +153,7 @@ def _refuse_open(found: Exploration) -> None:
 
 
 def named(found: Exploration) -> Derivation:
-    """What was found, species sorted by size and channels by what they make or take, with names."""
+    """The derivation with names, species sorted by size and channels by the structures that they make or take."""
     structures = sorted(found.structures, key=lambda s: (len(s), s.positions, s.rotations, s.letters))
     place = {structure: index for index, structure in enumerate(structures)}
     new_index = [place[structure] for structure in found.structures]

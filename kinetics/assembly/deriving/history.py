@@ -42,7 +42,7 @@ def shortest(
 
 
 def way_to(goals: Sequence[int], made_by: Mapping[int, StructureEvent]) -> tuple[StructureEvent, ...]:
-    """The events that make some structures, in order; what is needed twice comes once."""
+    """The events that make some structures, in order, each once."""
     steps = dict[StructureEvent, None]()
 
     def make(index: int) -> None:

@@ -47,7 +47,7 @@ def report_drawing(
 
 
 def counterexample_drawing(finding: Counterexample, scheme: str, most_wide: float = 24.0) -> Drawing:
-    """What is wrong in words, then the steps that lead there; the last picture is the counterexample."""
+    """A text that says what is wrong, then the steps that lead there; the last picture is the counterexample."""
     sheet = Drawing()
     colour, word = (ERROR, "error") if finding.is_error else (WARNING, "warning")
     text = f"{word}: {finding.text}"

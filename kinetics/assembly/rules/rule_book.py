@@ -255,7 +255,7 @@ class RuleBook:
         return tuple((members, self.settle(part) if settle else part) for members, part in parts)
 
     def settle(self, structure: Structure) -> Structure:
-        """Apply the internal rules, all cubes at once, again and again until nothing changes.
+        """Apply the internal rules to all cubes at once, until nothing changes.
 
         LivelockError: the letters return to what they were before.
         """

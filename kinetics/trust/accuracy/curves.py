@@ -41,7 +41,7 @@ Result = EnsembleStatistics | Distribution | Floats
 
 @dataclass(frozen=True)
 class Curve:
-    """A method and the knob that is turned.
+    """A method and the setting that varies.
 
     settings : of the knob, from the cheapest on; one that is meaningless if there is no knob
     make : the answer to a task at a setting; the repeat tells which runs, where chance is involved

@@ -35,7 +35,7 @@ Timed = Callable[[Callable[[], Any]], tuple[Any, float]]
 
 @dataclass(frozen=True)
 class CostPoint:
-    """What a method came to at a setting.
+    """Cost and error of a method at one setting.
 
     repeats : how often it was tried; cpu_seconds : of one try, the median
     error : mean over the repeats; low, high : smallest and largest distance in copies among them
@@ -67,7 +67,7 @@ class LeftOut:
 
 @dataclass(frozen=True, repr=False)
 class Diagram(Shown, Tabular):
-    """All points, and what they are measured against.
+    """All points, and their exact reference.
 
     times : (T,) tu at which the distributions are compared
     reference_bound : bound on the distance of the reference from the exact distribution, copies; smaller errors of
@@ -325,7 +325,7 @@ def _chosen(result: Result) -> str:
 
 
 def _timed(clock: Callable[[], float], make: Callable[[], Any]) -> tuple[Any, float]:
-    """What it makes, and what that cost, s."""
+    """The result of a call, and its CPU time, s."""
     began = clock()
     made = make()
     return made, clock() - began

@@ -1,4 +1,4 @@
-"""Distances of a result from the exact distribution of each species, and what exact sampling is expected to reach."""
+"""Distances of a result from the exact distribution of each species, and their expectation for exact sampling."""
 
 from __future__ import annotations
 

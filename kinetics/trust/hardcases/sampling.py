@@ -138,7 +138,7 @@ def _summed(found: Any, exact: Any) -> float:
 def _away(
     method: SamplingMethod | SolvingMethod, net: Network, start: list[int], times: list[float], end: list[int]
 ) -> float:
-    """How far the mean is from where it must be."""
+    """Distance of the mean from its exact value."""
     if isinstance(method, SolvingMethod):
         mean = method.solve(net, start, times).mean()
     else:

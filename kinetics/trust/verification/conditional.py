@@ -29,7 +29,7 @@ class Expectations(NamedTuple):
 
 
 def chain_of(space: StateSpace) -> DiscreteChain:
-    """The uniformised chain of a space; what leaves a projection is lost."""
+    """The uniformised chain of a space; probability that leaves a projection is truncated."""
     return DiscreteChain.of(space.transitions(), most_out=len(space.network.channels))
 
 

@@ -34,7 +34,7 @@ class CountSampler(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SamplerRuns:
-    """Runs of one sampler beside the reference.
+    """Runs of one sampler with their reference.
 
     counts : (runs, T, S) at the reference's times
     fine, next_fine : (m, F, S) at its fine times, of the seed and of the next one
