@@ -6,10 +6,10 @@ import threading
 from pathlib import Path
 
 import pytest
+from calibration.watched.tables import read_table
 from numpy.testing import assert_array_equal
 
 from calibration.pipeline.plan import StudyPlan
-from calibration.watched.tables import read_table
 from kinetics.assembly import RuleBook
 from kinetics.assembly.compiler import Target
 from kinetics.formats import read
