@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from calibration.reporting.report import Chart, Heading, HtmlReport, ReportTable, Text
     from calibration.validating.comparison import CrossValidation
     from calibration.validating.crossvalidation import crossvalidate
-    from calibration.validating.first_times import FirstTimes, compare_first_times
+    from calibration.validating.first_times import FirstTimeComparison, compare_first_times
     from kinetics.rates.breaks import ShapeParameter
     from kinetics.support.intervals import exact_limits
 
@@ -46,7 +46,7 @@ _HOMES = {
     "calibration.reporting.report": ("Chart", "Heading", "HtmlReport", "ReportTable", "Text"),
     "calibration.validating.comparison": ("CrossValidation",),
     "calibration.validating.crossvalidation": ("crossvalidate",),
-    "calibration.validating.first_times": ("FirstTimes", "compare_first_times"),
+    "calibration.validating.first_times": ("FirstTimeComparison", "compare_first_times"),
     "kinetics.support.intervals": ("exact_limits",),
 }
 
@@ -62,7 +62,7 @@ __all__ = [
     "Diagnostic",
     "DiagnosticResult",
     "Exposure",
-    "FirstTimes",
+    "FirstTimeComparison",
     "Heading",
     "HtmlReport",
     "LikelihoodRatio",

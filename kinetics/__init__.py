@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from kinetics.predicting.scanning import Scan, scan
     from kinetics.rates import ChannelRate, ClassRates, Convention, Rates
     from kinetics.rates.breaks import BREAK_MODELS, BreakModel, break_model
-    from kinetics.runs import RESTART, Ensemble, EnsembleStatistics, JumpPath
+    from kinetics.runs import RESTART, Ensemble, EnsembleStatistics, FirstTimes, JumpPath
     from kinetics.sampling import (
         Auto,
         CompositionRejection,
@@ -57,7 +57,7 @@ _HOMES = {
     "kinetics.predicting": ("PassagePrediction", "Prediction", "predict", "predict_passage"),
     "kinetics.predicting.ranking": ("Ranking", "rank"),
     "kinetics.rates": ("ChannelRate", "ClassRates", "Convention", "Rates"),
-    "kinetics.runs": ("RESTART", "Ensemble", "EnsembleStatistics", "JumpPath"),
+    "kinetics.runs": ("RESTART", "Ensemble", "EnsembleStatistics", "FirstTimes", "JumpPath"),
     "kinetics.sampling": (
         *("Auto", "CompositionRejection", "Direct", "General", "Leaping", "Lockstep", "PartialPropensities"),
         *("sample_path", "simulate", "simulate_statistics"),
@@ -90,6 +90,7 @@ __all__ = [
     "Ensemble",
     "EnsembleStatistics",
     "FiniteStateProjection",
+    "FirstTimes",
     "General",
     "Growth",
     "Growths",

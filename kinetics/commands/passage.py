@@ -32,12 +32,13 @@ from kinetics.support.tables import figure, in_unit, of_unit, text_table
 if TYPE_CHECKING:
     from kinetics.markov.derivatives import Derivatives
     from kinetics.markov.passage import Passage
-    from kinetics.network import Model
+    from kinetics.network import Model, Tank
+    from kinetics.rates import BookRates, Rates
 
 MOST = 1_000_000  # states
+MOST_EVENTS = 10_000_000  # of a sampled run without a horizon
 INSTEAD = (
-    "Truncate the chain by --truncate, which gives bounds; start from fewer copies, or sample by "
-    '`wellmixed scan`, whose question R{"time"}=? [ F ... ] is the mean time'
+    "Truncate the chain by --truncate, which gives bounds; start from fewer copies, or sample the time: --method ssa"
 )
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
@@ -56,6 +57,28 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     help="Number of its copies to wait for.",
 )
 @heading(RULES)
+@click.option(
+    "--method",
+    type=click.Choice(["solve", "ssa"]),
+    default="solve",
+    show_default=True,
+    help="Solve for the time, or sample it: for networks of any size.",
+)
+@click.option(
+    "--runs",
+    metavar="N",
+    type=click.IntRange(min=2),
+    default=1000,
+    show_default=True,
+    help="Number of independent runs that are sampled.",
+)
+@click.option(
+    "--horizon",
+    metavar="TIME",
+    type=click.FloatRange(min=0, min_open=True),
+    default=np.inf,
+    help="Time at which a sampled run ends at the latest.  [default: when nothing can happen any more]",
+)
 @click.option(
     "--posterior-draws",
     "draws",
@@ -81,6 +104,9 @@ def passage(
     asked: ModelOptions,
     species: str,
     copies: int,
+    method: str,
+    runs: int,
+    horizon: float,
     draws: int,
     within: str | int | None,
     with_sensitivity: bool,
@@ -92,8 +118,9 @@ def passage(
     """Solve for the first-passage time to a number of copies of a species: mean, sd, quantiles, distribution function.
 
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. The time is solved
-    for, not sampled. If the rates come with their events and exposure, the mean is the posterior median of the mean
-    time, with a 95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant.
+    for. If the rates come with their events and exposure, the mean is the posterior median of the mean time, with a
+    95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant. By --method ssa the
+    time is sampled at these rate constants, and the intervals show the number of runs alone.
     A network with too many states is truncated by --truncate, which gives bounds.
     """
     from kinetics.markov.network_questions import chain_to
@@ -104,6 +131,11 @@ def passage(
     counted = model.counted(species)
     if within is not None and (plot_files or with_sensitivity):
         raise ValueError("--truncate gives bounds, which have neither --plot nor --sensitivity; leave one out")
+    if method == "ssa":
+        if within is not None or with_sensitivity:
+            raise ValueError("--method ssa takes neither --truncate nor --sensitivity; leave them out")
+        _sample(asked, given, species, copies, (runs, seed, horizon), plot_files, as_json)
+        return
     slopes = None
     with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:
         progress("solving for the passage")
@@ -222,3 +254,68 @@ def _sensitivities(model: Model, species: Counted, copies: int, found: Passage) 
     except ValueError as refusal:  # too stiff
         return Sensitivities(mean, sd, {}, str(refusal))
     return Sensitivities(mean, sd, quantiles, "")
+
+
+def _sample(
+    asked: ModelOptions,
+    given: tuple[Model, Rates | BookRates | None, Tank | None],
+    species: str,
+    copies: int,
+    numbers: tuple[int, int, float],
+    plot_files: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """First times of runs that end with the passage, at the posterior mean of each rate constant."""
+    from kinetics.network.laws.expression import quoted
+    from kinetics.runs import TruncatedRunsError
+    from kinetics.sampling import simulate
+    from kinetics.sampling.watch import MAX_EVENTS
+
+    began = time.process_time()
+    (runs, seed, horizon), unit = numbers, given[0].network.time_unit
+    model = replace(applied(*given), observables={species: given[0].counted(species)})
+    most = MAX_EVENTS if horizon < np.inf else MOST_EVENTS
+    until = f"{quoted(species)} >= {copies}"
+    with progress_line() as progress:
+        progress(f"sampling {runs} runs")
+        try:
+            found = simulate(model, "auto", None, horizon, runs, seed, max_events=most, until=until)
+        except TruncatedRunsError as error:
+            told = error.truncation
+            raise ValueError(
+                f"{until} has not held in run {told.run} by {in_unit(f'{told.time:.4g}', unit)}, where it was "
+                f"truncated: {told.cause}; give a --horizon, at which runs end"
+            ) from error
+    for plot_file in plot_files:
+        from kinetics.support import plots
+
+        plots.save(plot_file, found.plot)
+    quantiles = {q: found.answer(q) for q in QUANTILES}
+    if as_json:
+        echo_json(
+            {
+                "book": asked.source,
+                "rates": asked.rates_name,
+                **conditions(*given),
+                "initial": dict(zip(model.network.species, model.initial, strict=True)),
+                "species": species,
+                "copies": copies,
+                "time_unit": unit,
+                "mean": found.answer("mean").to_dict(),
+                "probability": None if found.truncated else found.answer("probability").to_dict(),
+                "quantiles": {q: each.to_dict() for q, each in quantiles.items()},
+                "horizon": horizon,
+                "runs": runs,
+                "censored": found.censored,
+                "truncated": None if found.truncated is None else found.truncated.to_dict(),
+                "seed": seed,
+                "notes": model.notes,
+                "cpu_seconds": time.process_time() - began,
+            }
+        )
+        return
+    click.echo(f"{found.summary().text}; runs by {found.method}")
+    spans = (f"{q:g}: {figure(each.value)} {each.bounds_text}" for q, each in quantiles.items())
+    click.echo(f"{of_unit('quantiles', unit)}: " + ", ".join(spans))
+    for note in remarks(*given):
+        click.echo(note)

@@ -18,13 +18,13 @@ from kinetics.markov.passage.first_passage import Passage
 from kinetics.markov.passage.moments import passage_to
 from kinetics.markov.passage.stationary import Stationary, stationary_of, steady_mean
 from kinetics.markov.passage.until import Mask, accumulated_until, always, rate_reward, until
-from kinetics.markov.predicates import StateNames
 from kinetics.markov.rewards import named_reward, truncation_bounds
 from kinetics.markov.state_enumeration import Condition, enumerated
 from kinetics.markov.transient import ListingMethod, StateSpace, Transient, Transitions
 from kinetics.markov.transient.search import MAX_STATES
 from kinetics.markov.transient_means import BACKWARD, mean_at, one_time, stopped_in
 from kinetics.network import Model, Network
+from kinetics.network.predicates import StateNames
 from kinetics.support.answer import Answer, weakest
 from kinetics.support.arrays import Counts, Floats, some_times
 from kinetics.support.tables import counted

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.markov.predicates import StateNames
 from kinetics.markov.transient import Transitions
+from kinetics.network.predicates import DEADLOCK, INIT, StateNames
 from kinetics.support.arrays import Floats, integers, read_only, real_number, reals, whole_number
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ ROUNDED = 1e-9  # relative to the exit rate: by which a row of a generator may m
 LARGEST = 1e300  # exit rate, 1/tu: sums of more are beyond what numbers hold
 LEAST_REWARD = 1e-200  # so that a reward in a short time does not fall below what numbers hold
 NORMED = 1e-9  # by which a distribution may miss 1; it is then scaled
-INIT, DEADLOCK = "init", "deadlock"  # as PRISM calls them
 Mask = NDArray[np.bool_]
 
 

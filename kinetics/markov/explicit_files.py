@@ -20,10 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.markov.chain import Chain
-from kinetics.markov.checks import DEADLOCK, INIT, Reward
+from kinetics.markov.checks import Reward
 from kinetics.markov.prism_model import prism_names
 from kinetics.markov.transient.search import MAX_STATES
 from kinetics.markov.transient.transitions import totals
+from kinetics.network.predicates import DEADLOCK, INIT
 from kinetics.support.arrays import Floats
 from kinetics.support.limits import check_names, text_in
 from kinetics.support.memory import check_memory

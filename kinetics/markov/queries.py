@@ -6,8 +6,8 @@
     E[name] @ t                                         the first of these for short: the mean of a count at a time
     R{"time"}=? [ F phi ]                               mean time until phi
 
-phi and psi are conditions on counts and labels: see `predicates`. The words F, G, U, I, C and S stand for themselves
-only where these forms have them; a species with such a name is quoted: F "S" >= 1.
+phi and psi are conditions on counts and labels: see `network.predicates`. The words F, G, U, I, C and S stand for
+themselves only where these forms have them; a species with such a name is quoted: F "S" >= 1.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.markov.chain import Chain
-from kinetics.markov.predicates import StateNames, names_in
 from kinetics.network.laws.reading import LONGEST, shortened
+from kinetics.network.predicates import StateNames, names_in
 from kinetics.support.answer import Answer
 
 Answer_co = TypeVar("Answer_co", covariant=True)

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.markov.chain import Chain
-from kinetics.markov.checks import DEADLOCK, INIT
-from kinetics.markov.observing import observing, state_names
+from kinetics.markov.observing import observing
 from kinetics.markov.queries import Query, Settled
 from kinetics.markov.state_enumeration import Condition, held
 from kinetics.markov.transient.search import MAX_STATES, TooManyStatesError
 from kinetics.network import Model
+from kinetics.network.predicates import DEADLOCK, INIT, state_names
 from kinetics.support.arrays import Ints
 
 

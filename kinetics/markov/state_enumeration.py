@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.markov.predicates import StateNames
 from kinetics.markov.transient import StateSpace, reachable
 from kinetics.markov.transient.search import Search, TooManyStatesError
 from kinetics.network import Network
+from kinetics.network.predicates import StateNames
 from kinetics.support.arrays import Ints, whole_number
 
 Mask = NDArray[np.bool_]

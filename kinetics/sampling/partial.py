@@ -35,6 +35,7 @@ class PartialPropensities(SamplingMethod):
 
     name: ClassVar[str] = "partial"
     start_cost: ClassVar[float] = 14e3
+    takes_until: ClassVar[bool] = True
     most_reactants: ClassVar[float] = 2
     max_species: ClassVar[float] = 3000  # the table of couplings has the square of that many entries
 

@@ -65,10 +65,10 @@ def use(path):
 
 
 def _use_text(kind, text):
-    from kinetics.markov.predicates import StateNames
     from kinetics.markov.queries import parse
     from kinetics.network.laws import Expression
     from kinetics.network.laws.program import evaluate, steps_of
+    from kinetics.network.predicates import StateNames
 
     if kind == ".query":
         parse(text)

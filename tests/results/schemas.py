@@ -42,6 +42,7 @@ CALLS = (
     ["predict", "growth.rxn", "--times", 1, "--times", 60, "--runs", 20],  # truncated
     ["passage", "pair.rxn", "--species", "AB", "--sensitivity"],
     ["passage", "pair.rxn", "--species", "AB", "--truncate", "A <= 20"],
+    ["passage", "pair.rxn", "--species", "AB", "--copies", 8, "--method", "ssa", "--runs", 20],
     ["ask", "pair.rxn", "P=? [ F<=60 AB >= 8 ]", "S=? [ AB >= 8 ]", "--sensitivity"],
     ["rules", "derive", "pair.rxn"],
     ["trust", "accuracy", "kinetics", "pair.rxn", "--budget", 0.01],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -16,14 +15,11 @@ from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient import Transient
 from kinetics.markov.transient.uniformisation import STEP_SECONDS
 from kinetics.network import Model, Network
-from kinetics.network.laws import Event
 from kinetics.network.laws.expression import quoted
-from kinetics.network.sparse_tables import SparseTable
-from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
 from kinetics.support.answer import CONFIDENCE, Answer, kind_of
-from kinetics.support.arrays import Floats, Ints, whole_number
+from kinetics.support.arrays import Floats, whole_number
 from kinetics.support.cli.progress import forecast
 from kinetics.support.intervals import student_quantile
 from kinetics.support.tables import counted, rough
@@ -32,8 +28,6 @@ MAX_STATES = 100_000
 MAX_SECONDS = 40.0  # of one exact figure, by the solvers' own estimate, which does not depend on the machine
 TOLERANCE = 1e-13  # probability that uniformisation may leave out
 TAIL = 0.025
-TICKS = 2**40  # to the horizon: how finely a sampled run notes its first time
-DEARER = 4000.0  # ns an event, by which noting may be dearer; some 50 events then make up for a path's own 0.3 ms
 WithSpread = tuple[Answer, float]  # a mean over runs, and the standard deviation of one run
 
 
@@ -155,91 +149,20 @@ def _exact_yield(model: Model, target: str, possible: int, horizon: float, max_s
 def _sampled(
     model: Model, target: str, possible: int, end: float, runs: int, seed: int, first_run: int
 ) -> tuple[WithSpread, WithSpread, WithSpread]:
-    """First target, probability of it by the horizon, and yield, from the same runs.
-
-    The runs are those of `sample_path`, made in one call with their first times noted by an event; one by one as whole
-    paths where the method that takes an event is far dearer, as it is with thousands of channels.
-    """
+    """First target, probability of it by the horizon, and yield, from the same runs, those of `sample_path`."""
     n = whole_number("runs", runs, 2)
     began = time.process_time()
-    network, noting = model.network, _noting(model.network, target, end)
-    size = NetworkSize.of(network)
-    is_dear = path_method(noting).cost(size) - path_method(network).cost(size) > DEARER
-    forecast_runs(network, path_method(network), model.initial, np.array([end]), n)
-    times, targets = (
-        _from_paths(model, target, end, n, seed, first_run)
-        if is_dear
-        else _noted(model, noting, target, end, n, seed, first_run)
-    )
-    is_reached = ~np.isnan(times)
-    first = np.where(is_reached, times, end)
+    network, start, method = model.network, model.initial, path_method(model.network)
+    forecast_runs(network, method, start, np.array([end]), n)
+    until = f"{quoted(target)} >= 1"
+    found = method.simulate(network, start, end, n, seed, first_run=first_run, until=until)
+    targets = method.simulate(network, start, [end], n, seed, first_run=first_run)[target][:, 0]
     cost = time.process_time() - began
     return (
-        _mean(first, end, cost),
-        _mean(is_reached.astype(float), 1.0, cost),
+        _mean(found.observed, end, cost),
+        _mean(found.is_reached.astype(float), 1.0, cost),
         _mean(targets / possible, 1.0, cost),
     )
-
-
-def _noted(
-    model: Model, noting: Network, target: str, end: float, runs: int, seed: int, first_run: int
-) -> tuple[Floats, Ints]:
-    """First times (runs,), nan where there is none, and targets at the horizon (runs,), from the network that notes."""
-    start = np.append(model.initial, 0)
-    counts = path_method(noting).simulate(noting, start, [end], runs, seed, first_run=first_run).counts[:, 0]
-    ticks = counts[:, -1] - 1.0  # 0 at the start, then rounded up
-    times = np.maximum(ticks - 0.5, 0.0) / TICKS * end
-    return np.where(ticks >= 0, times, np.nan), counts[:, noting.index(target)]
-
-
-def _from_paths(model: Model, target: str, end: float, runs: int, seed: int, first_run: int) -> tuple[Floats, Ints]:
-    """First times (runs,), nan where there is none, and targets at the horizon (runs,), from whole paths."""
-    network = model.network
-    method, place = path_method(network), network.index(target)
-    times, targets = np.empty(runs), np.empty(runs, dtype=np.int64)
-    made = method.sample_paths(network, model.initial, end, seed, first_run)
-    for i, path in zip(range(runs), made, strict=False):
-        times[i], targets[i] = path.first_time(target), path.at([end])[0, place]
-    return times, targets
-
-
-def _noting(network: Network, target: str, end: float) -> Network:
-    """The network with one more species, whose count notes the time of the first target, in ticks from 1.
-
-    An event sets it and no channel needs it, so the runs are those of the network itself, and the kernel makes them
-    all in one call.
-    """
-    name = _free_name("noted", network.species)
-    first = Event(
-        _free_name("first target", [event.name for event in network.events]),
-        f"{quoted(target)} >= 1 and {name} < 1",
-        {name: f"1 + ceil(t / {float(end)!r} * {TICKS})"},
-        was_true=False,
-    )
-    reactants, changes = (
-        SparseTable(table.starts, table.columns, table.copies, table.n_columns + 1)
-        for table in (network.sparse_reactants, network.sparse_stoichiometry)
-    )
-    return Network(
-        (*network.species, name),
-        network.channels,
-        reactants,
-        changes,
-        network.ways,
-        network.known_rates,
-        network.combinations,
-        laws=network.laws,
-        events=(*network.events, first),
-        at_zero=network.at_zero,
-        time_unit=network.time_unit,
-    )
-
-
-def _free_name(name: str, taken: Collection[str]) -> str:
-    """The name, with underscores behind it until it is not among those taken."""
-    while name in taken:
-        name += "_"
-    return name
 
 
 def _mean(values: Floats, top: float, cost: float) -> WithSpread:

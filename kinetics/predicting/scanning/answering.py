@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinetics.markov.chain import Chain
-from kinetics.markov.observing import observing, reward_rates, state_names
+from kinetics.markov.observing import observing, reward_rates
 from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, StationaryQuery, UntilQuery, parse
 from kinetics.markov.transient.search import TooManyStatesError
 from kinetics.network import Model
 from kinetics.network.network import is_homogeneous
+from kinetics.network.predicates import state_names
 from kinetics.predicting.scanning.sampled import check_ends, sampled_answers
 from kinetics.support.answer import Answer
 from kinetics.support.stream_keys import seed_of

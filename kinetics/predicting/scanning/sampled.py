@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from itertools import islice
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinetics.markov.observing import reward_rates, state_names
-from kinetics.markov.predicates import StateNames
+from kinetics.markov.observing import reward_rates
 from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, UntilQuery
 from kinetics.network import Model
-from kinetics.runs import JumpPath, TruncatedRunsError
+from kinetics.network.predicates import Condition
+from kinetics.runs import TruncatedRunsError
 from kinetics.sampling import Auto
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
@@ -26,18 +25,20 @@ from kinetics.support.tables import counted
 Q = TypeVar("Q", bound=Query)
 
 LEVEL = 0.95
-ROWS = 200_000  # states of paths that conditions are evaluated on at a time
+MOST_EVENTS = 10**7  # of a path whose total is asked for
 LASTS = "it has no end in time; ask within a time, as in F<=100 or C<=100, or let more states be listed"
 
 
 def check_ends(question: str, query: Query) -> None:
     """ValueError where runs of a finite length do not answer the question."""
-    if _end(query) is None:
+    is_until = isinstance(query, RewardQuery) and query.until is not None
+    if _end(query) is None and not is_until:
         raise ValueError(f"{question!r} cannot be sampled: {LASTS}")
 
 
 def sampled_answers(model: Model, questions: Sequence[tuple[str, Query]], runs: int, seed: int) -> list[Answer]:
-    """The answers of `runs` runs: counts at given times by the method that `Auto` takes, what happens by paths.
+    """The answers of `runs` runs: counts at given times by the method that `Auto` takes, what happens by runs
+    that end where it is decided.
 
     Limits hold at 95 %: of probabilities by Clopper & Pearson, of means by Student's t; nan where all runs are alike.
     """
@@ -49,14 +50,16 @@ def sampled_answers(model: Model, questions: Sequence[tuple[str, Query]], runs: 
             found[query] = Answer.none(str(error))
     asked = [query for _, query in questions if query not in found]
     at_times = [query for query in asked if isinstance(query, RewardQuery) and query.at is not None]
-    on_paths = [query for query in asked if query not in at_times]
-    if asked:
-        end = max(_end(query) or 0.0 for query in asked)
+    end = max((_end(query) or 0.0 for query in asked), default=0.0)
+    if end:
         forecast_runs(model.network, Auto(many=False), model.initial, np.array([end]), runs)
     if at_times:
         found |= _timed(at_times, lambda some: _at_times(model, some, runs, seed))
-    if on_paths:
-        found |= _timed(on_paths, lambda some: _on_paths(model, some, runs, seed))
+    for query in asked:
+        if isinstance(query, RewardQuery) and query not in at_times:
+            found |= _timed([query], lambda some: _earned(model, some[0], runs, seed))
+        elif isinstance(query, UntilQuery | AlwaysQuery):
+            found |= _timed([query], lambda some: _decided(model, some[0], runs, seed))
     return [found[query] for _, query in questions]
 
 
@@ -88,77 +91,35 @@ def _at_times(model: Model, queries: Sequence[RewardQuery], runs: int, seed: int
     return [reward_rates(model, query.name, counts[:, t]) for t, query in zip(rows, queries, strict=True)], method.name
 
 
-def _on_paths(model: Model, queries: Sequence[Query], runs: int, seed: int) -> tuple[list[Floats], str]:
-    """Values (runs,) of each question about paths: truths as 1 or 0, or totals."""
-    end = max(_end(query) or 0.0 for query in queries)
+def _decided(model: Model, query: UntilQuery | AlwaysQuery, runs: int, seed: int) -> tuple[list[Floats], str]:
+    """Whether each run fulfils a question (runs,), 1 or 0: it ends where that is decided."""
     method = path_method(model.network)
-    paths = method.sample_paths(model.network, model.initial, end, seed)
-    samples: list[list[Floats]] = [[] for _ in queries]
-    for many in _blocks(paths, runs):
-        table = _Visits.of(many)
-        names = state_names(model, table.counts)
-        for values, query in zip(samples, queries, strict=True):
-            values.append(_judged(table, names, model, query))
-    return [np.concatenate(values) for values in samples], method.name
+    target, through = (query.target, query.through) if isinstance(query, UntilQuery) else (None, query.states)
+    parts = [f"({target})"] * (target is not None) + [f"!({through})"] * (through is not None)
+    until = Condition(" | ".join(parts), model)
+    found = method.simulate(model.network, model.initial, query.by or 0.0, runs, seed, threads=1, until=until)
+    if found.truncated is not None:
+        raise TruncatedRunsError(found.truncated)
+    if target is None:
+        return [(~found.is_reached).astype(float)], method.name
+    fulfils = found.is_reached & Condition(target, model).holds(found.counts)
+    return [fulfils.astype(float)], method.name
 
 
-def _blocks(paths: Iterator[JumpPath], runs: int) -> Iterator[list[JumpPath]]:
-    """Paths in blocks of not many states."""
-    block: list[JumpPath] = []
-    rows = 0
-    for _ in range(runs):
-        block.append(next(paths))
-        rows += len(block[-1].times) + 1
-        if rows > ROWS:
-            yield block
-            block, rows = [], 0
-    if block:
-        yield block
-
-
-@dataclass(frozen=True)
-class _Visits:
-    """The states that paths visit, one path after the other.
-
-    counts : (n, S); entered, left : (n,) times; run : (n,) number of the path
-    """
-
-    counts: NDArray[np.int64]
-    entered: Floats
-    left: Floats
-    run: NDArray[np.intp]
-    runs: int
-
-    @classmethod
-    def of(cls, paths: Sequence[JumpPath]) -> _Visits:
-        entered = np.concatenate([np.append(0.0, path.times) for path in paths])
-        left = np.concatenate([np.append(path.times, path.end) for path in paths])
-        run = np.repeat(np.arange(len(paths)), [len(path.times) + 1 for path in paths])
-        return cls(np.concatenate([path.states for path in paths]), entered, left, run, len(paths))
-
-    def first(self, marked: NDArray[np.bool_]) -> NDArray[np.intp]:
-        """The first marked row of each path (runs,); n where there is none."""
-        rows = np.full(self.runs, len(self.run))
-        np.minimum.at(rows, self.run[marked], np.flatnonzero(marked))
-        return rows
-
-
-def _judged(visits: _Visits, names: StateNames, model: Model, query: Query) -> Floats:
-    """Whether each path fulfils a question (runs,), or the total that it earns."""
-    if isinstance(query, RewardQuery):
-        held = np.clip(np.minimum(visits.left, query.up_to or 0.0) - visits.entered, 0.0, None)
-        earned = held * reward_rates(model, query.name, visits.counts)
-        return np.bincount(visits.run, earned, visits.runs).astype(float)
-    if isinstance(query, AlwaysQuery):
-        broken = ~names.holds(query.states) & (visits.entered <= (query.by or 0.0))
-        return (visits.first(broken) == len(visits.run)).astype(float)
-    if not isinstance(query, UntilQuery):
-        raise TypeError(f"{query} is not asked of paths")
-    reached = visits.first(names.holds(query.target) & (visits.entered <= (query.by or 0.0)))
-    if query.through is None:
-        return (reached < len(visits.run)).astype(float)
-    astray = visits.first(~names.holds(query.through))
-    return ((reached < len(visits.run)) & (astray >= reached)).astype(float)
+def _earned(model: Model, query: RewardQuery, runs: int, seed: int) -> tuple[list[Floats], str]:
+    """The total (runs,) that each path earns up to a time, or until a condition holds."""
+    method, network, last = path_method(model.network), model.network, float(query.up_to or 0.0)
+    until = None
+    if query.until is not None:
+        until, last = Condition(query.until, model), float(np.finfo(float).max)
+    paths = method.sample_paths(network, model.initial, last, seed, max_events=MOST_EVENTS, until=until)
+    totals = np.empty(runs)
+    for i, path in enumerate(islice(paths, runs)):
+        if until is not None and path.end == last:
+            raise ValueError(f"run {i} ends where {query.until} can never hold: the mean is infinite")
+        held = np.diff(np.concatenate([[0.0], path.times, [path.end]]))
+        totals[i] = np.cumsum(held * reward_rates(model, query.name, path.states))[-1]
+    return [totals], method.name
 
 
 def _end(query: Query) -> float | None:

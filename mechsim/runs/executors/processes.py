@@ -18,7 +18,6 @@ import click
 
 from kinetics.support.workers import GUARD
 from mechsim.runs.executors.base import LOOK_EVERY, Execute, Executor, RunAttempt, Session, check_timeout
-from mechsim.runs.executors.worker import work
 
 if TYPE_CHECKING:
     from mechsim.runs.record import RunSpec
@@ -121,6 +120,8 @@ class ProcessSession(Session):
         raise ChildProcessError(f"workers cannot be started: their server ends at once ({lost!r})") from lost
 
     def _worker(self, spec: RunSpec, claim: Claim) -> _Worker:
+        from mechsim.runs.executors.worker import work  # brings Numba, which no --help waits for
+
         reports, sender = self.context.Pipe(duplex=False)
         arguments = (self.execute, spec, self.store, sender, self.folder)
         process = self.context.Process(target=work, args=arguments, name=spec.title, daemon=True)

@@ -230,3 +230,22 @@ def test_public_names():
     assert all(getattr(kinetics, name) is not None for name in kinetics.__all__)
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         kinetics.nonsense  # noqa: B018
+
+
+def test_a_sampled_passage(tmp_path):
+    """Around the exact one; runs that never come to it end at the horizon, or are truncated and say so."""
+    network = tmp_path / "pair.rxn"
+    network.write_text("A + B <-> AB, 0.1, 0.2\nA = 12\nB = 9\nobservable: free = A + B\n", encoding="utf-8")
+    asked = ["passage", network, "--species", "AB", "--copies", 7]
+    exact = json.loads(run(*asked, "--json"))
+    found = json.loads(run(*asked, "--method", "ssa", "--runs", 2000, "--json"))
+    assert found["mean"]["low"] < exact["mean"]["value"] < found["mean"]["high"]
+    assert found["quantiles"]["0.5"]["low"] < exact["quantiles"]["0.5"]["value"] < found["quantiles"]["0.5"]["high"]
+    assert (found["censored"], found["truncated"]) == (0, None)
+    text = run("passage", network, "--species", "free", "--copies", 22, "--method", "ssa", "--horizon", 3)
+    assert "held in none of 1000 runs until 3" in text
+    refused = run(*asked, "--method", "ssa", "--truncate", 3, code=2)
+    assert "--method ssa takes neither --truncate nor --sensitivity" in refused
+    figure = tmp_path / "curve.svg"
+    run(*asked, "--method", "ssa", "--runs", 20, "--plot", figure)
+    assert "probability of not having been reached" in figure.read_text(encoding="utf-8")

@@ -335,3 +335,21 @@ def test_parquet_holds_the_table(tmp_path):
     found = scan(decay(), {"k": [1.0, 2.0]}, "E[A] @ 1")
     assert found.to_parquet(tmp_path / "a.parquet") == tmp_path / "a.parquet"
     pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "a.parquet"), found.to_dataframe())
+
+
+def test_rewards_until_a_condition_and_conditions_of_products_are_sampled():
+    """Beside the exact answers; a condition that never holds has none."""
+    network = Network.from_text("A -> B, k\nk = 1\nA = 3")
+    asked = [
+        'R{"time"}=? [ F A = 0 ]',
+        'R{"A"}=? [ F A = 0 ]',
+        "P=? [ A * B <= 2 U<=1 B >= 2 ]",
+        "P=? [ G<=1 A * B < 2 ]",
+    ]
+    exact = scan(network, {"k": [1.0]}, asked)
+    found = scan(network, {"k": [1.0]}, asked, max_states=0, runs=2000, seed=3)
+    assert found.words("kind").tolist() == [[CONFIDENCE] * 4]
+    value, low, high = (found.numbers(each)[0] for each in ("value", "low", "high"))
+    assert (abs(value - exact.numbers("value")[0]) < 2.5 * (high - low)).all()  # five standard errors
+    never = scan(network, {"k": [1.0]}, 'R{"time"}=? [ F A = 1 & B = 1 ]', max_states=0, runs=2)
+    assert "the mean is infinite" in never.rows[0]["why"]
