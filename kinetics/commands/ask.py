@@ -90,7 +90,7 @@ def ask(
     so is followed --within some states; the bounds hold for any behaviour outside.
     """
     from kinetics.markov import Sensitivity
-    from kinetics.markov.queries import parse
+    from kinetics.markov.questions import parse
     from kinetics.markov.settling import answering_chains
 
     if not questions and out_file is None:
@@ -128,7 +128,7 @@ def ask(
             for place in range(len(queries)) if out_file else places:
                 progress(f"answering {questions[place]} by {len(chain)} states")
                 query = queries[place]
-                found[place] = query.of(chain), None if sensitivity is None else query.of(sensitivity)
+                found[place] = query.value(chain), None if sensitivity is None else query.derivatives(sensitivity)
             states, rates = max(states, len(chain)), max(rates, chain.transitions.rates.size)
     answers = [(text, *found[place]) for place, text in enumerate(questions)]
     if as_json:
