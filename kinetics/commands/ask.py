@@ -83,8 +83,8 @@ def ask(
 
     NETWORK is a rule book, which needs --rates and --cubes, a network file that contains both, or a .tra file as PRISM
     and Storm write it. A QUESTION is one of theirs, such as 'P=? [ F<=100 quadmer >= 1 ]', 'P=? [ a > 0 U b = 3 ]',
-    'S=? [ monomer < 5 ]' or 'R{"quadmer"}=? [ I=100 ]'; U and G take time bounds as F does, R takes I=t, C<=t, F and
-    S. Species count as variables and as rewards. Times are in tu.
+    'S=? [ monomer < 5 ]' or 'R{"quadmer"}=? [ I=100 ]'; F, U and G take time bounds <=t and [a,b], R takes I=t, C<=t,
+    F and S. Species count as variables and as rewards. Times are in tu.
 
     For F, G and U a chain is followed no further than to where the answer is settled. A network that has no end even
     so is followed --within some states; the bounds hold for any behaviour outside.

@@ -11,6 +11,7 @@ from kinetics.network.laws.reading import LONGEST, shortened
 
 FRAME = re.compile(r'([A-Z])\s*(?:\{\s*"([^"]*)"\s*\}\s*)?=\s*\?\s*\[(.*)\]', re.DOTALL)
 MEAN = re.compile(r"E\s*\[(.*)\]\s*@(.*)", re.DOTALL)
+INTERVAL = re.compile(r"\s*\[\s*([^\s\[\],]+)\s*,\s*([^\s\[\],]+)\s*\]")
 BOUND = re.compile(r"\s*(<=|<|>=|>|=|\[)\s*([^\s\[\],]+)")
 
 
@@ -50,15 +51,31 @@ def framed(question: str, forms: str) -> Framed:
     return Framed(letter, name, inner.strip())
 
 
-def bounded(text: str) -> tuple[float | None, str]:
-    """The time bound that a text begins with, if any, and the condition after it."""
-    bound = BOUND.match(text)
-    if bound and bound[1] not in ("<=", "<"):
-        raise ValueError(f"a time bound {bound[0].strip()!r}; only <= t is answered")
-    states = (text[bound.end() :] if bound else text).strip()
-    if not states:
-        raise ValueError("a condition is missing")
-    return (time_of(bound[2]) if bound else None), states
+class Bounded(NamedTuple):
+    """A condition, and from when and until when it counts, tu; `by` is None for ever."""
+
+    after: float
+    by: float | None
+    states: str
+
+    @classmethod
+    def of(cls, text: str) -> Bounded:
+        """The time bound that a text begins with, if any, <= t or [a, b], and the condition behind it."""
+        interval, bound = INTERVAL.match(text), BOUND.match(text)
+        after, by = 0.0, None
+        if interval:
+            after, by = time_of(interval[1]), time_of(interval[2])
+            if after > by:
+                raise ValueError(f"a time bound {interval[0].strip()!r}; expected [a, b] with a <= b")
+        elif bound:
+            if bound[1] not in ("<=", "<"):
+                raise ValueError(f"a time bound {bound[0].strip()!r}; only <= t and [a, b] are answered")
+            by = time_of(bound[2])
+        found = interval or bound
+        states = (text[found.end() :] if found else text).strip()
+        if not states:
+            raise ValueError("a condition is missing")
+        return cls(after, by, states)
 
 
 def one_bound(text: str, word: str, sign: str) -> float:

@@ -11,7 +11,7 @@ from kinetics.markov.chain import Chain
 from kinetics.markov.derivatives import Derivatives
 from kinetics.markov.observing import reward_rates
 from kinetics.markov.questions.base import MEAN, TIME, Along, AtTime, Question, Settled
-from kinetics.markov.questions.reader import Framed, bounded, one_bound, time_of
+from kinetics.markov.questions.reader import Bounded, Framed, one_bound, time_of
 from kinetics.markov.sensitivity import Sensitivity
 from kinetics.network import Model
 from kinetics.support.answer import Answer
@@ -58,7 +58,7 @@ class RewardQuestion(Question):
             case "C":
                 return cls(asked.name, up_to=one_bound(asked.inner[1:], "C", "<="))
             case "F":
-                by, states = bounded(asked.inner[1:])
+                _, by, states = Bounded.of(asked.inner[1:])
                 if by is not None:
                     raise ValueError("a reward until a target takes no time bound; ask for C<=t")
                 return cls(asked.name, until=states)
