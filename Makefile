@@ -57,11 +57,11 @@ STUDY_RUNS := --runs-folder $(STUDY)/runs --workers 2
 study: $(READY)
 	$(BIN)/wellmixed calibrate $(STUDY)/plan.toml $(STUDY_RUNS) --out $(STUDY)/rates.toml \
 		--report $(STUDY)/calibration.html --json > $(STUDY)/calibration.json
-	$(BIN)/wellmixed calibrate $(STUDY)/plan.toml $(STUDY_RUNS) --breaks first-order --out $(STUDY)/control-rates.toml
+	$(BIN)/wellmixed calibrate $(STUDY)/plan.toml $(STUDY_RUNS) --break-model first-order --out $(STUDY)/control-rates.toml
 	$(BIN)/wellmixed validate $(STUDY)/plan.toml $(STUDY_RUNS) --rates $(STUDY)/rates.toml \
 		--control $(STUDY)/control-rates.toml --csv $(STUDY)/events.csv \
 		--report $(STUDY)/validation.html --json > $(STUDY)/validation.json
-	$(BIN)/wellmixed calibrate $(STUDY)/plan.toml $(STUDY_RUNS) --breaks collision --out $(STUDY)/next-rates.toml
+	$(BIN)/wellmixed calibrate $(STUDY)/plan.toml $(STUDY_RUNS) --break-model collision --out $(STUDY)/next-rates.toml
 	$(BIN)/wellmixed validate $(STUDY)/plan.toml $(STUDY_RUNS) --rates $(STUDY)/next-rates.toml \
 		--control $(STUDY)/control-rates.toml --json > $(STUDY)/next-validation.json
 	$(BIN)/wellmixed runs loads $$($(BIN)/python -m tests.results.study_pages calibration) --json > $(STUDY)/loads.json
@@ -71,13 +71,13 @@ study: $(READY)
 # the rates of jacks alone; and the block of the page. The runs of both are read from one folder, so they are copied there.
 PYRAMID := results/pyramid45/breaking
 PYRAMID_RUNS := $(PYRAMID)/all-runs
-BOTH := results/jack13/plan.toml --also $(PYRAMID)/touched.toml --runs-folder $(PYRAMID_RUNS)
+BOTH := results/jack13/plan.toml --pool $(PYRAMID)/touched.toml --runs-folder $(PYRAMID_RUNS)
 HELD_OUT := $(PYRAMID)/touched.toml --runs-folder $(PYRAMID)/runs
 pyramid: $(READY)
 	mkdir -p $(PYRAMID_RUNS)
 	cp results/jack13/runs/format results/jack13/runs/*.run $(PYRAMID)/runs/*.run $(PYRAMID_RUNS)
 	$(BIN)/wellmixed calibrate $(BOTH) --out $(PYRAMID)/classes.toml
-	$(BIN)/wellmixed calibrate $(BOTH) --share event --out $(PYRAMID)/control.toml
+	$(BIN)/wellmixed calibrate $(BOTH) --group-by event --out $(PYRAMID)/control.toml
 	rm -r $(PYRAMID_RUNS)
 	$(BIN)/wellmixed validate $(HELD_OUT) --rates $(PYRAMID)/classes.toml --plot $(PYRAMID)/growth.svg --json \
 		> $(PYRAMID)/growth.json

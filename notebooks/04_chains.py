@@ -73,7 +73,7 @@ questions = [
 ]
 answers = pd.DataFrame({question: asdict(ask(pumps, question)) for question in questions}).T
 answers["relative width"] = (answers["high"] - answers["low"]) / answers["value"]
-answers[["value", "relative width", "is_bound", "method"]]
+answers[["value", "relative width", "kind", "method"]]
 
 # %% [markdown]
 # The limits hold truncation, all rounding, and that of the rates. The time itself is a distribution, with quantiles:

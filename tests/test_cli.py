@@ -227,7 +227,7 @@ def test_validate(wellmixed, wellmixed_here, place, demonstrated, calibrated):
 
 
 @pytest.mark.parametrize("rates", ["table3", "rates.toml"])
-@pytest.mark.parametrize("method", ["ssa", "exact"])
+@pytest.mark.parametrize("method", ["ssa", "transient"])
 def test_predict(wellmixed_here, place, calibrated, rates, method):
     start = ["predict", "line4", "--rates", rates, "--cubes", 60, "--method", method]
     command = [*start, "--times", 10, 50, 100, "--json"]
@@ -242,7 +242,7 @@ def test_predict(wellmixed_here, place, calibrated, rates, method):
         assert sum(value * (i + 1) for i, value in enumerate(row)) == pytest.approx(60)
     assert (data["interval"] is not None) == (rates == "rates.toml")
     other = wellmixed_here(*command, "--seed", 4, cwd=place).json
-    assert (other["mean"] == data["mean"]) == (method == "exact")
+    assert (other["mean"] == data["mean"]) == (method == "transient")
 
 
 @pytest.mark.parametrize(

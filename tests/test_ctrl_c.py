@@ -31,7 +31,7 @@ FILES = {
     "open.rxn": "0 -> A, 500\n0 -> B, 400\nA -> 0, 1\nB -> 0, 0.5\nA + B -> 0, 0.0001",
     "law.rxn": "0 -> A, 500\nA -> 0, 1.0 * A / (1 + 0.001 * A)\n0 -> B, 5\nB -> 0, 1",
 }
-SOLVED = {"exact": "loop", "dense": "pair", "collocation": "stiff", "fsp": "open"}
+SOLVED = {"transient": "loop", "dense": "pair", "collocation": "stiff", "fsp": "open"}
 WORK = {f"predict {name}": ["predict", f"{SOLVED[name]}.rxn", "--method", name, "--times", "10000"] for name in SOLVED}
 WORK |= {
     f"predict {name}": [

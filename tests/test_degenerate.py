@@ -44,17 +44,17 @@ FILES = {
 TABLE3 = ("line4", "--rates", "table3", "--cubes")
 GROWN = ("rules", "grow", "line4", "--cubes", 4, "--join", 1e-4, "--duration", 5)
 RANKED = ("rules", "rank", "line4", "--cubes", 4, "--runs", 2, "--join", 0, "--horizon", 10)
-WATCHED = ("--out", "rates.toml", "--breaks", "auto")
+WATCHED = ("--out", "rates.toml", "--break-model", "auto")
 COMMANDS = [
     ("predict", "pair.rxn", "--runs", 1, "--times", 1, "--csv", "out.csv", "--plot", "out.svg"),
     ("predict", "still.rxn", "--runs", 1, "--times", 0, "--csv", "out.csv"),
-    ("predict", "still.rxn", "--method", "exact", "--times", 0, 1),
+    ("predict", "still.rxn", "--method", "transient", "--times", 0, 1),
     ("predict", "still.rxn", "--accuracy", "1%", "--times", 1),
     ("predict", *TABLE3, 4, "--runs", 1, "--times", 0, "--elasticity", "--elasticity-plot", "out.svg"),
     ("passage", "still.rxn", "--species", "B", "--copies", 5, "--sensitivity"),
     ("passage", "pair.rxn", "--species", "B", "--copies", 5, "--sensitivity"),  # where it is
     ("passage", *TABLE3, 3, "--species", "quadmer"),
-    ("passage", "pair.rxn", "--species", "AB", "--copies", 9, "--within", 3),
+    ("passage", "pair.rxn", "--species", "AB", "--copies", 9, "--truncate", 3),
     ("ask", "still.rxn", "P=? [ F B>=5 ]", "S=? [ B>=5 ]", "E[B] @ 0", "--sensitivity"),
     ("scan", "pair.rxn", "--over", "k1=0,1", "--ask", "E[AB] @ 1", "--ask", "P=? [ F<=1 AB>=30 ]", "--csv", "out.csv"),
     (*GROWN, "--runs", 1, "--csv", "out.csv", "--plot", "out.svg"),

@@ -123,7 +123,7 @@ CLOCK = "up: A -> B, 1 + sin(t)\nA = 5\n"
 REFUSALS = [
     ("passage", "clock.rxn", "--species", "B"),
     ("ask", "clock.rxn", "P=? [ F<=3 B>=5 ]"),
-    ("predict", "clock.rxn", "--method", "exact", "--times", 1),
+    ("predict", "clock.rxn", "--method", "transient", "--times", 1),
     ("trust", "verify", "clock.rxn", "--times", 1),
     ("trust", "accuracy", "kinetics", "clock.rxn", "--duration", 1),
     ("passage", "line4", "--species", "dimer"),
@@ -133,7 +133,7 @@ REFUSALS = [
     ("trust", "verify", "line4"),
     ("rules", "rank", "line4"),
     ("rules", "check", "nothing"),
-    ("rules", "grow", "line4", "--cubes", 9, "--draws", 5),
+    ("rules", "grow", "line4", "--cubes", 9, "--posterior-draws", 5),
     ("runs", "render", "abcdef", "--out", "a.png"),
     ("runs", "replay", "abcdef"),
     ("runs", "loads", "."),
@@ -169,6 +169,6 @@ def test_errors_name_options_that_the_command_has_and_no_arguments_of_python(tmp
 
 
 def test_a_message_that_names_another_command_s_option_is_seen():
-    assert list(strangers("passage", "raise --max-states, or --within, as in `wellmixed scan --max-states 0`")) == [
+    assert list(strangers("passage", "raise --max-states, or --truncate, as in `wellmixed scan --max-states 0`")) == [
         "--max-states"
     ]

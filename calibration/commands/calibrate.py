@@ -66,7 +66,8 @@ if TYPE_CHECKING:
     "--duration", metavar="T", type=float, default=1000.0, show_default=True, help="Simulated time of a run, tu."
 )
 @click.option(
-    "--breaks",
+    "--break-model",
+    "breaks",
     metavar="auto|NAME",
     help="How bonds break: the name of a break model, such as first-order or collision, or auto for the one that the "
     "runs choose. With --events only where it is given.  [default: the plan's, or auto]",
@@ -78,13 +79,13 @@ if TYPE_CHECKING:
     "book that grows from a seed, else channel]",
 )
 @click.option(
-    "--also",
+    "--pool",
     multiple=True,
     metavar="SCENE|PLAN",
     help="For rates by class: one more scene or plan whose runs are pooled; may be repeated.",
 )
 @click.option(
-    "--share",
+    "--group-by",
     type=click.Choice(["auto", "event", "touched", "faces", "sizes"]),
     default="auto",
     show_default=True,
@@ -105,8 +106,8 @@ def calibrate(
     duration: float,
     breaks: str | None,
     by: str | None,
-    also: tuple[str, ...],
-    share: str,
+    pool: tuple[str, ...],
+    group_by: str,
     events: str | None,
     run_table: str | None,
     tank: tuple[float, float, float] | None,
@@ -143,22 +144,22 @@ def calibrate(
     target = Path(out)
     if target.suffix != ".toml":
         raise ValueError(f"--out {out}: expected a name that ends in .toml")
-    if events is not None and (also or by == "class"):
-        raise ValueError("--events gives rates by channel, of one book; leave out --by class and --also")
-    if also and by == "channel":
-        raise ValueError("--also pools books, whose channels differ; leave it out, or ask for --by class")
-    if events is None and (also or by == "class" or (by is None and is_seeded(scene))):
+    if events is not None and (pool or by == "class"):
+        raise ValueError("--events gives rates by channel, of one book; leave out --by class and --pool")
+    if pool and by == "channel":
+        raise ValueError("--pool pools books, whose channels differ; leave it out, or ask for --by class")
+    if events is None and (pool or by == "class" or (by is None and is_seeded(scene))):
         if report and not is_filled("report"):
             raise ValueError("--report shows rates by channel; for rates by class use --json")
         if is_plan(scene):
             refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
         calibrate_by_class(
-            (scene, *also), target, cubes, runs, duration, breaks, share, runs_folder, workers, part, progress, seed,
+            (scene, *pool), target, cubes, runs, duration, breaks, group_by, runs_folder, workers, part, progress, seed,
             as_json,
         )  # fmt: skip
         return
-    if share != "auto":
-        raise ValueError(f"--share {share} is for rates by class; leave it out, or ask for --by class")
+    if group_by != "auto":
+        raise ValueError(f"--group-by {group_by} is for rates by class; leave it out, or ask for --by class")
     study: CalibrationStudy | ObservedStudy | None = study_of_events(scene, events, run_table, tank, cubes, breaks)
     if study is None:
         from calibration.pipeline.calibration_study import check_measurable, run_calibration, run_planned_calibration

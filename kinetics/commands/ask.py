@@ -16,7 +16,7 @@ from kinetics.support.cli.options import (
     in_a_folder,
     json_option,
     model_options,
-    within_option,
+    truncate_option,
 )
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 MODELS = (".sm", ".prism")
 INSTEAD = (
-    "Follow the chain --within some of them, which gives bounds; --stop it where what you ask is decided; start from "
+    "Truncate the chain by --truncate, which gives bounds; --stop it where what you ask is decided; start from "
     "fewer copies, raise --max-states if they have an end, or sample by `wellmixed scan`"
 )
 
@@ -44,7 +44,7 @@ INSTEAD = (
     metavar="CONDITION",
     help="Stop the chain of a network where this holds, and do not explore what lies beyond.",
 )
-@within_option
+@truncate_option
 @click.option(
     "--max-states",
     metavar="N",
@@ -87,7 +87,7 @@ def ask(
     F and S. Species count as variables and as rewards. Times are in tu.
 
     For F, G and U a chain is followed no further than to where the answer is settled. A network that has no end even
-    so is followed --within some states; the bounds hold for any behaviour outside.
+    so is truncated by --truncate; the bounds hold for any behaviour outside.
     """
     from kinetics.markov import Sensitivity
     from kinetics.markov.questions import parse
@@ -107,7 +107,7 @@ def ask(
         }
         given |= {
             "--copies-per-unit": asked.copies_per_unit,
-            "--within": within,
+            "--truncate": within,
             "--set": asked.chosen or None,
             "--tank": asked.edges,
         }
@@ -165,7 +165,7 @@ def _write(path: str, chain: Chain, model: Model | None) -> None:
     elif suffix not in MODELS:
         raise ValueError(f"--out {path}: expected a name that ends in .tra, {', '.join(MODELS)}")
     elif np.any(chain.truncated):
-        raise ValueError(f"--out {path}: a model has no edge; leave out --within")
+        raise ValueError(f"--out {path}: a model has no edge; leave out --truncate")
     elif model is None:
         raise ValueError(f"--out {path}: a chain without a network has no model; write it to a .tra file")
     else:

@@ -40,7 +40,7 @@ def _about_out() -> str:
     told_by=_about_out,
 )
 @click.option(
-    "--breaks",
+    "--break-model",
     "break_name",
     type=click.Choice([model.name for model in BREAK_MODELS]),
     help="Show the network in which each break has the partners of this break model.",
@@ -59,8 +59,8 @@ def derive(
     """
     if break_name and (out_file or is_network_file(asked.source)):
         raise ValueError(
-            "--breaks shows the network of a rule book without rates; with --out the rates say how bonds break, and a "
-            "network file has the channels that it has"
+            "--break-model shows the network of a rule book without rates; with --out the rates say how bonds break, "
+            "and a network file has the channels that it has"
         )
     if out_file and Path(out_file).suffix.lower() in (".xml", ".sbml"):
         require("libsbml")

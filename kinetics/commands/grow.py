@@ -57,7 +57,8 @@ FRAMES = 8  # of a strip
 )
 @click.option("--rates", "rates_file", metavar="FILE", help="Rates by class: a .toml file.")
 @click.option(
-    "--draws",
+    "--posterior-draws",
+    "draws",
     metavar="N",
     type=click.IntRange(min=1),
     help="With --rates: spread the runs over so many draws of the rates from their evidence.  [default: none]",
@@ -136,7 +137,7 @@ def grow(
     grid = time_grid(duration, times)
     if draws is not None and rates_file is None:
         raise ValueError(
-            f"--draws {draws}: only a file of rates has evidence to draw from; give --rates, or leave it out"
+            f"--posterior-draws {draws}: only a file of rates has evidence to draw from; give --rates, or leave it out"
         )
     end = float(np.max(grid))
     with progress_line(budget=budget):

@@ -20,7 +20,7 @@ from kinetics.support.cli.options import (
     model_options,
     plot_option,
     seed_option,
-    within_option,
+    truncate_option,
 )
 from kinetics.support.cli.progress import progress_line, stage
 from kinetics.support.tables import figure, in_unit, of_unit, text_table
@@ -34,8 +34,7 @@ if TYPE_CHECKING:
 MOST = 1_000_000  # states
 MOST_EVENTS = 10_000_000  # of a sampled run without a horizon
 INSTEAD = (
-    "Follow the chain --within some of them, which gives bounds; start from fewer copies, or sample the time: --method "
-    "ssa"
+    "Truncate the chain by --truncate, which gives bounds; start from fewer copies, or sample the time: --method ssa"
 )
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
@@ -55,8 +54,8 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 )
 @click.option(
     "--method",
-    type=click.Choice(["exact", "ssa"]),
-    default="exact",
+    type=click.Choice(["solve", "ssa"]),
+    default="solve",
     show_default=True,
     help="Solve for the time, or sample it: for networks of any size.",
 )
@@ -76,14 +75,15 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     help="Time at which a sampled run ends at the latest.  [default: when nothing can happen any more]",
 )
 @click.option(
-    "--draws",
+    "--posterior-draws",
+    "draws",
     metavar="N",
     type=click.IntRange(min=2),
     default=100,
     show_default=True,
     help="Number of draws of the rates from which the interval is made.",
 )
-@within_option
+@truncate_option
 @click.option(
     "--sensitivity",
     "with_sensitivity",
@@ -115,7 +115,7 @@ def passage(
     for. If the rates come with their events and exposure, the mean is the posterior median of the mean time, with a
     95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant. By --method ssa the
     time is sampled at these rate constants, and the intervals show the number of runs alone.
-    A network with too many states is followed --within some of them, which gives bounds.
+    A network with too many states is truncated by --truncate, which gives bounds.
     """
     from kinetics.markov.network_questions import chain_to
     from kinetics.predicting import predict_passage
@@ -124,10 +124,10 @@ def passage(
     model, rates, tank = given = described(asked)
     counted = model.counted(species)
     if within is not None and (plot_files or with_sensitivity):
-        raise ValueError("--within gives bounds, which have neither --plot nor --sensitivity; leave one out")
+        raise ValueError("--truncate gives bounds, which have neither --plot nor --sensitivity; leave one out")
     if method == "ssa":
         if within is not None or with_sensitivity:
-            raise ValueError("--method ssa takes neither --within nor --sensitivity; leave them out")
+            raise ValueError("--method ssa takes neither --truncate nor --sensitivity; leave them out")
         _sample(asked, given, species, copies, (runs, seed, horizon), plot_files, as_json)
         return
     slopes = None

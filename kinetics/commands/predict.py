@@ -88,7 +88,8 @@ INSTEAD = (
     help="Largest number of threads used.  [default: one per core]",
 )
 @click.option(
-    "--draws",
+    "--posterior-draws",
+    "draws",
     metavar="N",
     type=click.IntRange(min=2),
     default=200,
@@ -135,9 +136,9 @@ def predict(
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both (BioNetGen .net, SBML
     and others). The report gives mean and standard deviation of every species. If the rates come with their events and
     exposure, runs are spread over draws of the rates from their posterior, and the mean has a 95 % interval; a method
-    that solves takes the posterior mean of each rate constant. The method `auto` samples runs by the exact method
-    expected to be cheapest; `exact` solves the master equation. Runs are not stored, so there may be millions; Ctrl-C
-    reports those made so far.
+    that solves takes the posterior mean of each rate constant. The method `auto` samples runs by the method
+    expected to be cheapest; `transient` solves the master equation. Runs are not stored, so there may be millions;
+    Ctrl-C reports those made so far.
 
     With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until
     they are enough, in 20 minutes of CPU time unless --budget says otherwise. 1% is relative to each species' largest

@@ -85,7 +85,8 @@ if TYPE_CHECKING:
     help="Number of runs for a book that has to be sampled.",
 )
 @click.option(
-    "--draws",
+    "--posterior-draws",
+    "draws",
     metavar="N",
     type=click.IntRange(min=0),
     default=0,

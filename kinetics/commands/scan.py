@@ -16,7 +16,7 @@ from kinetics.support.cli.options import (
     plot_option,
     seed_option,
     table_of,
-    within_option,
+    truncate_option,
 )
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
@@ -41,7 +41,7 @@ from kinetics.support.output import write_whole
     required=True,
     help="Ask this at every point, as in 'E[AB] @ 100' or 'P=? [ F<=100 AB >= 5 ]'; may be repeated.",
 )
-@within_option
+@truncate_option
 @click.option(
     "--max-states",
     metavar="N",

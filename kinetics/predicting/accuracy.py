@@ -125,7 +125,7 @@ class Reached:
     >>> decay = Network.from_text("A -> 0, 0.1")
     >>> found = predict(decay, None, {"A": 100}, [10.0], accuracy="1%")
     >>> found.reached.chosen, found.reached.is_reached, found.reached.is_proven
-    ('exact', True, True)
+    ('transient', True, True)
     """
 
     asked: AskedAccuracy

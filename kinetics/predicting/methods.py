@@ -23,8 +23,8 @@ def method_of(method: SamplingMethod | SolvingMethod | str) -> SamplingMethod | 
 
     ValueError: no such name
 
-    >>> method_of("ssa"), method_of("exact").name
-    (Direct(), 'exact')
+    >>> method_of("ssa"), method_of("transient").name
+    (Direct(), 'transient')
     """
     if not isinstance(method, str):
         return method

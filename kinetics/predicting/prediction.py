@@ -186,7 +186,7 @@ def predict(
 
     >>> from kinetics import Network, predict
     >>> binding = Network.from_text("A + B <-> AB, 0.01, 0.1")
-    >>> exact = predict(binding, None, {"A": 20, "B": 10}, [5.0], method="exact")
+    >>> exact = predict(binding, None, {"A": 20, "B": 10}, [5.0], method="transient")
     >>> exact.mean.round(4).tolist(), exact.error < 1e-12
     ([[15.3269, 5.3269, 4.6731]], True)
     >>> sampled = predict(binding, None, {"A": 20, "B": 10}, [5.0], runs=2000, seed=1)

@@ -52,7 +52,7 @@ class SolverAgreement:
     >>> from kinetics.trust import compare_solvers
     >>> found = compare_solvers(Network.from_text("A -> 0, 1"), {"A": 9}, [1.0], [Transient(), Dense()])
     >>> [(pair.first, pair.second, pair.agrees) for pair in found.pairs], found.refusals
-    ([('exact', 'dense', True)], ())
+    ([('transient', 'dense', True)], ())
     """
 
     pairs: tuple[SolverPair, ...]

@@ -51,7 +51,7 @@ def line_of_four() -> None:
         solve(line, warm, [4, 0, 0, 0], times)
     passage([4, 0, 0, 0])
     stationary(line, [4, 0, 0, 0])
-    titles = ("states", "explore", "generator", "exact", "bound", "fsp", "bound", "passage", "stationary")
+    titles = ("states", "explore", "generator", "transient", "bound", "fsp", "bound", "passage", "stationary")
     click.echo("cubes  " + "  ".join(f"{title:>10}" for title in titles))
     for cubes in (60, 80, 120):
         start = [cubes, 0, 0, 0]

@@ -39,7 +39,7 @@ COMMANDS = {
     "--help": 0.5,
     "rules derive line4": 2.0,
     f"predict {LINE} --method ssa --runs 1000": 2.0,
-    f"predict {LINE} --method exact": 4.0,
+    f"predict {LINE} --method transient": 4.0,
     f"passage {LINE} --species quadmer": 4.0,
 }
 

@@ -45,7 +45,7 @@ RESULTS = {
     "network": line,
     "runs": lambda: simulate(line(), "ssa", START, TIMES, runs=40),
     "statistics": lambda: simulate_statistics(line(), "auto", START, TIMES, runs=40),
-    "distribution": lambda: solve(line(), "exact", [8, 0, 0, 0], TIMES),
+    "distribution": lambda: solve(line(), "transient", [8, 0, 0, 0], TIMES),
     "prediction": lambda: predict(line(), None, START, TIMES, "lockstep", runs=40),
     "path": lambda: sample_path(line(), START, 500.0),
 }
@@ -285,7 +285,7 @@ def test_runs_by_species_and_by_times():
 def test_methods_by_name_are_those_by_object():
     by_name, by_object = (simulate(line(), each, START, TIMES, runs=5, seed=2) for each in ("ssa", Direct()))
     np.testing.assert_array_equal(by_name.counts, by_object.counts)
-    exact = solve(line(), "exact", [8, 0, 0, 0], [10.0]), solve(line(), Transient(), [8, 0, 0, 0], [10.0])
+    exact = solve(line(), "transient", [8, 0, 0, 0], [10.0]), solve(line(), Transient(), [8, 0, 0, 0], [10.0])
     np.testing.assert_array_equal(exact[0].probabilities, exact[1].probabilities)
 
 

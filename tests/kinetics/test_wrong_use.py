@@ -8,7 +8,7 @@ from kinetics.markov import ask
 MODEL = Model(Network.from_text("A -> B, k\nA = 2", k=1.0), {"A": 2})
 RUNS = simulate(MODEL, "ssa", times=[1.0], runs=3)
 WRONG = {
-    "a file for its model": (lambda: solve("a.net", "exact", times=[1]), "expected a Network or a Model"),
+    "a file for its model": (lambda: solve("a.net", "transient", times=[1]), "expected a Network or a Model"),
     "no times": (lambda: simulate(MODEL, "ssa"), "times is empty; give at least one"),
     "times that are none": (lambda: RUNS["A":"B"], "time = 'A'; expected a number"),
     "a run by its number": (lambda: RUNS[0], "0: expected a species, as in"),

@@ -23,7 +23,7 @@ SHOWN = {  # method and setting of the stored table -> how the page calls them
     ("SSA, leaping", 1e6): "`leaping`, 1,000,000 runs (no leap pays at 60 cubes)",
     ("fsp", 1e-2): "`fsp`, tolerance 0.01",
     ("fsp", 1e-12): "`fsp`, tolerance 1e-12",
-    ("exact", 1e-12): "`exact`, tolerance 1e-12",
+    ("transient", 1e-12): "`transient`, tolerance 1e-12",
 }
 
 

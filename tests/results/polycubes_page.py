@@ -54,7 +54,7 @@ def verdict(rows: Rows) -> str:
     outcomes = Counter(row.outcome for row in there)
     cpu = [row.cpu for row in there]
     none = [row for row in there if row.outcome == "infeasible"]
-    exact = sum(row.method == "exact" for row in books)
+    exact = sum(row.method == "transient" for row in books)
     best, worst = (pick(books, key=lambda row: row.yield_ or 0.0) for pick in (max, min))
     letters = Counter(row.letters for row in books)
     said = listed([f"{number} with {count}" for count, number in sorted(letters.items())])

@@ -44,7 +44,7 @@ class Row:
     undecided_letters : smaller numbers of letters that were not decided
     joins, breaks : channels of the derived network
     yield_, low, high : targets at the end over those possible, and its 95 % interval, or the bound of its error
-    method, size : `exact` and states, or `ssa` and runs
+    method, size : `transient` and states, or `ssa` and runs
     compile_cpu, yield_cpu : CPU time, s
     book : as TOML
     code : a fingerprint of the files that made it

@@ -36,12 +36,12 @@ PAIR = "bind: A + B <-> AB, k1, k2\nk1 = 0.01\nk2 = 0.1\nA = 20\nB = 10\n"
 CALLS = (
     ["simulate", "line4", "--cubes", 8, "--cost-profile"],
     ["predict", "pair.rxn", "--duration", 60],
-    ["predict", "pair.rxn", "--times", 60, "--method", "exact"],
+    ["predict", "pair.rxn", "--times", 60, "--method", "transient"],
     ["predict", "pair.rxn", "--times", 60, "--accuracy", "5%", "--show", "A"],
     ["predict", "pair.rxn", "--times", 60, "--accuracy", "1e-10%"],  # a tenth of it is beyond all
     ["predict", "growth.rxn", "--times", 1, "--times", 60, "--runs", 20],  # truncated
     ["passage", "pair.rxn", "--species", "AB", "--sensitivity"],
-    ["passage", "pair.rxn", "--species", "AB", "--within", "A <= 20"],
+    ["passage", "pair.rxn", "--species", "AB", "--truncate", "A <= 20"],
     ["passage", "pair.rxn", "--species", "AB", "--copies", 8, "--method", "ssa", "--runs", 20],
     ["ask", "pair.rxn", "P=? [ F<=60 AB >= 8 ]", "S=? [ AB >= 8 ]", "--sensitivity"],
     ["rules", "derive", "pair.rxn"],

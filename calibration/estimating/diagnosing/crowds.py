@@ -41,5 +41,5 @@ class Crowds(TrendDiagnostic):
     def remedy(self, diagnosed: DiagnosedRuns, channel: int) -> str:
         """Breaks by collision, or a crowded model."""
         if diagnosed.breaks[channel]:
-            return "breaks depend on the number of others: try `calibrate --breaks collision`"
+            return "breaks depend on the number of others: try `calibrate --break-model collision`"
         return "the rate depends on the number of others: try the crowded model"

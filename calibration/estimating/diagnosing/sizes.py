@@ -40,5 +40,5 @@ class Sizes(TrendDiagnostic):
     def remedy(self, diagnosed: DiagnosedRuns, channel: int) -> str:
         """Breaks by collision, or calibration at each density."""
         if diagnosed.breaks[channel]:
-            return "breaks depend on the density: try `calibrate --breaks collision`"
+            return "breaks depend on the density: try `calibrate --break-model collision`"
         return "the rate depends on the density: try the crowded model, or calibrate at each size"

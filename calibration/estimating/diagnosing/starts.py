@@ -28,8 +28,8 @@ class Starts(SpreadDiagnostic):
     question = "Is a rate the same whatever the runs start from?"
     single = "one initial composition alone could fire it"
     remedy = (
-        "the rate depends on the composition: try the crowded model for joins, and `calibrate --breaks collision` for "
-        "breaks"
+        "the rate depends on the composition: try the crowded model for joins, and "
+        "`calibrate --break-model collision` for breaks"
     )
     measured = "size 4.7 % at a level of 5 %; power .92 for 20 % between two compositions of some 650 events each"
 

@@ -34,7 +34,7 @@ class Distribution(Shown, Tabular):
     is_complete : whether the space holds all reachable states; otherwise the missing probability is at most `error`
 
     >>> from kinetics import Network, solve
-    >>> found = solve(Network.from_text("A -> 0, 0.1"), "exact", {"A": 2}, [10.0])
+    >>> found = solve(Network.from_text("A -> 0, 0.1"), "transient", {"A": 2}, [10.0])
     >>> found.marginal("A").round(6).tolist()  # binomial, with probability 1/e
     [[0.399576, 0.465088, 0.135335]]
     >>> low, high = found.probability_bounds({"A": 2})
@@ -124,7 +124,7 @@ class Distribution(Shown, Tabular):
         0 for states that are not in the space. ValueError: an unknown species
 
         >>> from kinetics import Network, solve
-        >>> found = solve(Network.from_text("A <-> B, 1, 1"), "exact", {"A": 1, "B": 1}, [100.0])
+        >>> found = solve(Network.from_text("A <-> B, 1, 1"), "transient", {"A": 1, "B": 1}, [100.0])
         >>> found.probability({"A": 1}).round(6).tolist(), found.probability([1, 0]).round(6).tolist()
         ([0.5], [0.0])
         """

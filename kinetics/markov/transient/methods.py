@@ -26,14 +26,14 @@ def solve(
 ) -> Distribution:
     """Probability of every state at `times` (T,), tu, without sampling.
 
-    method : one with its settings, or its name: "exact" and the others of `SOLVING_METHODS`
+    method : one with its settings, or its name: "transient" and the others of `SOLVING_METHODS`
     initial : counts at time 0, as in {"A": 100}, that go before the model's; None for these
     ValueError: no such name, missing rates, or more states or work than the method allows
     TypeError: neither a name nor a solving method
 
     >>> from kinetics import Network, solve
     >>> binding = Network.from_text("A + B <-> AB, 0.01, 0.1")
-    >>> found = solve(binding, "exact", {"A": 20, "B": 10}, [5.0, 500.0])
+    >>> found = solve(binding, "transient", {"A": 20, "B": 10}, [5.0, 500.0])
     >>> found.mean()[:, binding.index("AB")].round(4).tolist()
     [4.6731, 5.9322]
     """

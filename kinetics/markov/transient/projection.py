@@ -197,7 +197,7 @@ class _Front:
                 f"the chain is too stiff or too large for a projection: {self.time:.4g} of {self.grid[-1]:g} took "
                 f"{self.steps:.3g} steps on up to {chain.size} states, and all would take {total:.3g} or more, about "
                 f"{cost:.3g} s; at most {MAX_STEPS} steps and {limit_in_words(limit)}, which may be raised; ask for "
-                f"earlier times, lower the fastest rates, use the method 'exact' if it reaches few states, or sample"
+                f"earlier times, lower the fastest rates, take the method 'transient' for few states, or sample"
             )
 
     def _solve(self, search: Search) -> _Window:

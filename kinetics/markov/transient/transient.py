@@ -50,7 +50,7 @@ class Transient(ListingMethod):
     ([[100.0], [36.787944]], True, True)
     """
 
-    name: ClassVar[str] = "exact"
+    name: ClassVar[str] = "transient"
     least_tolerance: ClassVar[float | None] = 1e-18  # below, the error is rounding anyway
 
     tolerance: float = 1e-13

@@ -110,7 +110,7 @@ def _exact_passage(model: Model, target: str, end: float, max_states: int) -> li
     except ValueError:
         return None
     chance, cost = reached.value, time.process_time() - began
-    found = {"method": "exact", "cpu_seconds": cost, "why": counted(len(chain), "state")}
+    found = {"method": "transient", "cpu_seconds": cost, "why": counted(len(chain), "state")}
     spread = (max(chance * (1.0 - chance), 0.0)) ** 0.5
     return [(replace(first, **found), sd), (replace(reached, **found), spread)]  # type: ignore[arg-type]
 
@@ -143,7 +143,7 @@ def _exact_yield(model: Model, target: str, possible: int, horizon: float, max_s
     mean, sd, high = (table[0, place] / possible for table in (end.mean(), end.sd(), end.mean_bounds()[1]))
     low, top, cost = float(mean) - float(high - mean), min(float(high), 1.0), time.process_time() - began
     size = counted(len(end.space), "state")
-    return Answer(float(mean), max(low, 0.0), top, kind_of(end.is_bound), "exact", cost, size), float(sd)
+    return Answer(float(mean), max(low, 0.0), top, kind_of(end.is_bound), "transient", cost, size), float(sd)
 
 
 def _sampled(

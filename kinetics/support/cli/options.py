@@ -48,12 +48,13 @@ budget_option = click.option(
     help="CPU time allowed; work that is forecast to take more is refused before it starts.",
 )
 
-within_option = click.option(
-    "--within",
+truncate_option = click.option(
+    "--truncate",
+    "within",
     metavar="CONDITION|N",
     callback=_part,
-    help="Follow the chain while this condition holds, or within the N states nearest to its start; limits allow for "
-    "all that may happen beyond.",
+    help="Truncate the chain to the states in which this condition holds, or to the N nearest to its start; bounds "
+    "hold for any behaviour outside.",
 )
 
 PICTURES = (".png", ".pdf", ".svg")

@@ -26,7 +26,7 @@ class Attempt:
     refusal : the message of a clear refusal
 
     >>> from kinetics.trust.hardcases import Attempt
-    >>> Attempt("exact", error=1e-14, allowed=1e-12, seconds=0.1).passed
+    >>> Attempt("transient", error=1e-14, allowed=1e-12, seconds=0.1).passed
     True
     """
 

@@ -243,7 +243,7 @@ def _yule() -> Iterator[Attempt]:
         return float(abs(found - exact).sum() + 1 - exact.sum())
 
     yield attempt("fsp", off, 1.01e-10)
-    yield refusal("exact", lambda: Transient(max_states=1000).solve(net, [1], [4.0]), "X up to")
+    yield refusal("transient", lambda: Transient(max_states=1000).solve(net, [1], [4.0]), "X up to")
     yield refusal("stationary", lambda: stationary(net, [1], max_states=1000), "over 1000 states are reachable")
     solution = np.append(0.0, np.exp(-4.0) * (-np.expm1(-4.0)) ** np.arange(2000))
     for kind in SAMPLING_METHODS:

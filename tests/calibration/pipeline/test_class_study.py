@@ -153,7 +153,7 @@ def test_wrong_rates_are_seen(place, calibrated):
 
 def test_growth_by_the_rules_reads_what_was_written(wellmixed_here, place, calibrated):
     command = ["rules", "grow", "jack13", "--cubes", "20", "--rates", "classes.toml", "--duration", "50", "--runs", "3"]
-    made = wellmixed_here(*command, "--seeds", "2", "--draws", "3", "--json", cwd=place).json
+    made = wellmixed_here(*command, "--seeds", "2", "--posterior-draws", "3", "--json", cwd=place).json
     assert made["series"]["1 cube"]["mean"][0] == 22
     assert made["draws_of_rates"] == 3
 
@@ -172,7 +172,7 @@ def test_what_is_refused(wellmixed_here, place, calibrated):
         run_growth_validation(held_out, joins, place / "runs")
     for options, said in (
         (["--report", "x.html"], "--report shows rates by channel"),
-        (["--by", "channel", "--also", "line4"], "--also pools books"),
+        (["--by", "channel", "--pool", "line4"], "--pool pools books"),
         (["--cubes", "9"], "--cubes is fixed by the plan"),
     ):
         failed = wellmixed_here("calibrate", "plan.toml", "--out", "no.toml", *options, cwd=place)

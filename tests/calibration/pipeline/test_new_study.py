@@ -67,7 +67,7 @@ def test_a_folder_goes_the_whole_way(study, tmp_path, monkeypatch):
     assert "holds no rates.toml yet" in run("predict", folder, code=2)
     assert "12" in run("simulate", folder, "--duration", "1")
     run("calibrate", folder)
-    brief = ("--runs", "20", "--draws", "2", "--duration", "20", "--json")
+    brief = ("--runs", "20", "--posterior-draws", "2", "--duration", "20", "--json")
     for words, copies in ((), 12), (("--initial", "monomer=8"), 8), (("--cubes", "9"), 9):
         assert json.loads(run("predict", folder, *words, *brief))["initial"] == {
             "monomer": copies,

@@ -51,7 +51,7 @@ def test_the_table_of_break_models(wellmixed_here, place, calibrated):
 
 
 def test_another_break_model_is_asked_for(wellmixed_here, place, calibrated):
-    command = ["calibrate", "plan.toml", "--out", "other.toml", "--breaks", "collision", "--json"]
+    command = ["calibrate", "plan.toml", "--out", "other.toml", "--break-model", "collision", "--json"]
     data = wellmixed_here(*command, cwd=place).json
     assert [row["model"] for row in data["breaks"]["models"]] == ["collision"]
     assert Rates.load(place / "other.toml").breaks.model == "collision"
@@ -85,7 +85,7 @@ def test_what_a_plan_fixes_is_no_option(wellmixed_here, place, command, option):
 
 @pytest.mark.parametrize("source", ["plan.toml", "line4"])
 def test_an_unknown_break_model(wellmixed_here, place, source):
-    done = wellmixed_here("calibrate", source, "--out", "x.toml", "--breaks", "magic", cwd=place)
+    done = wellmixed_here("calibrate", source, "--out", "x.toml", "--break-model", "magic", cwd=place)
     assert (done.code, done.out) == (2, "")
     assert "magic" in done.err
     assert not (place / "x.toml").exists()

@@ -76,20 +76,20 @@ def test_a_network_without_end(tmp_path):
     path = tmp_path / "births.net"
     path.write_text(BIRTHS, encoding="utf-8")
     question = "P=? [ F<=1 X >= 4 ]"
-    assert "--within" in run("ask", path, question, "E[X] @ 1", "--max-states", "1000", code=2)
-    (near,) = json.loads(run("ask", path, question, "--within", "X <= 80", "--json"))["answers"]
-    (same,) = json.loads(run("ask", path, question, "--within", "80", "--json"))["answers"]
+    assert "--truncate" in run("ask", path, question, "E[X] @ 1", "--max-states", "1000", code=2)
+    (near,) = json.loads(run("ask", path, question, "--truncate", "X <= 80", "--json"))["answers"]
+    (same,) = json.loads(run("ask", path, question, "--truncate", "80", "--json"))["answers"]
     assert near["low"] <= near["value"] <= near["high"] < near["low"] + 1e-9
     assert abs(near["value"] - same["value"]) < 1e-12
     known = first_passage(read(path), [2], "X", 4)
     assert near["low"] <= known.cdf(1.0) <= near["high"]
-    text = run("ask", path, "P=? [ F X = 0 ]", "--within", "X <= 40")
+    text = run("ask", path, "P=? [ F X = 0 ]", "--truncate", "X <= 40")
     assert " to 1 (proven; linear equations)" in text
-    data = json.loads(run("passage", path, "--species", "X", "--copies", "4", "--within", "X <= 80", "--json"))
+    data = json.loads(run("passage", path, "--species", "X", "--copies", "4", "--truncate", "X <= 80", "--json"))
     assert data["probability"]["low"] <= data["probability"]["high"] <= 1.0
     assert data["quantiles"]["0.025"]["low"] <= data["quantiles"]["0.025"]["high"]
-    assert "reached with probability" in run("passage", path, "--species", "X", "--copies", "4", "--within", "3")
-    run("passage", path, "--species", "X", "--within", "3", "--plot", tmp_path / "a.png", code=2)
+    assert "reached with probability" in run("passage", path, "--species", "X", "--copies", "4", "--truncate", "3")
+    run("passage", path, "--species", "X", "--truncate", "3", "--plot", tmp_path / "a.png", code=2)
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ def file(tmp_path):
 
 
 def predicted(file, *arguments):
-    command = ["predict", "line4", "--rates", file, "--cubes", 8, "--method", "exact", "--times", 50, "--json"]
+    command = ["predict", "line4", "--rates", file, "--cubes", 8, "--method", "transient", "--times", 50, "--json"]
     return json.loads(run(*command, *arguments))
 
 
@@ -49,7 +49,7 @@ def test_predict_in_another_tank(file):
     assert own["breaks"] == {"model": "collision-wall", "shape": {"alpha": 1.3, "wall": 20.0}}
     lost = [8 - made["mean"][0][0] for made in (own, larger)]
     assert lost[0] / lost[1] == pytest.approx(8, rel=0.4)
-    text = run("predict", "line4", "--rates", file, "--cubes", 8, "--method", "exact", "--tank", 4, 4, 6)
+    text = run("predict", "line4", "--rates", file, "--cubes", 8, "--method", "transient", "--tank", 4, 4, 6)
     assert "breaks: collision-wall (alpha = 1.3, wall = 20); tank 4 x 4 x 6" in text
 
 
@@ -64,7 +64,7 @@ def test_passage_in_another_tank(file):
 
 
 def test_tanks_that_are_refused(file, tmp_path):
-    command = ["predict", "line4", "--cubes", 8, "--method", "exact", "--times", 5]
+    command = ["predict", "line4", "--cubes", 8, "--method", "transient", "--times", 5]
     assert "expected three lengths above 0" in run(*command, "--rates", file, "--tank", 2, 0, 3, code=2)
     bare = tmp_path / "bare.toml"
     bare.write_text(HAND.replace("tank = [2.0, 2.0, 3.0]", ""), encoding="utf-8")
@@ -75,20 +75,20 @@ def test_tanks_that_are_refused(file, tmp_path):
     run("rules", "derive", "line4", "--rates", file, "--cubes", 8, "--out", network)
     for name in (["predict", network], ["passage", network, "--species", "dimer"]):
         assert "leave out --tank" in run(*name, "--tank", 2, 2, 6, code=2)
-    exact = ["--method", "exact", "--times", 50, "--json"]
+    exact = ["--method", "transient", "--times", 50, "--json"]
     assert_allclose(json.loads(run("predict", network, *exact))["mean"], predicted(file)["mean"], rtol=1e-9)
 
 
 def test_derive_shows_partners():
-    data = json.loads(run("rules", "derive", "line4", "--breaks", "collision-wall", "--json"))
+    data = json.loads(run("rules", "derive", "line4", "--break-model", "collision-wall", "--json"))
     names = [channel["name"] for channel in data["channels"]]
     assert len(names) == 4 + 4 * 5
     assert "4->2+2 by wall" in names
     assert data["breaks"] == {"model": "collision-wall"}
-    assert "dimer + quadmer -> 3 dimer" in run("rules", "derive", "line4", "--breaks", "collision")
+    assert "dimer + quadmer -> 3 dimer" in run("rules", "derive", "line4", "--break-model", "collision")
     assert json.loads(run("rules", "derive", "line4", "--json"))["breaks"] == {"model": "first-order"}
     assert "the rates say how bonds break" in run(
-        "rules", "derive", "line4", "--breaks", "collision", "--out", "x.net", code=2
+        "rules", "derive", "line4", "--break-model", "collision", "--out", "x.net", code=2
     )
 
 

@@ -12,7 +12,7 @@ from kinetics.support.cli.options import NumbersCommand, plain
 from wellmixed import main
 
 LINE = ["predict", "line4", "--rates", "table3", "--cubes", "20"]
-EXACT = [*LINE, "--method", "exact"]
+EXACT = [*LINE, "--method", "transient"]
 
 
 def run(*arguments, code=0):
@@ -32,7 +32,7 @@ def test_predict_as_json():
         assert_allclose(row[0] + 2 * row[1] + 3 * row[2] + 4 * row[3], 20, rtol=1e-12)
     assert len(data["sd"]) == 3
     sampled = json.loads(run(*EXACT[:-1], "ssa", "--times", 10, 50, 100, "--json", "--runs", 400, "--seed", 1))
-    assert (data["method_used"], sampled["method_used"]) == ("exact", "ssa")
+    assert (data["method_used"], sampled["method_used"]) == ("transient", "ssa")
     chosen = json.loads(run(*EXACT[:-1], "auto", "--times", 10, "--json", "--runs", 9))
     assert (chosen["method"], chosen["method_used"]) == ("auto", "auto (lockstep)")
     for t in range(3):
@@ -45,7 +45,7 @@ def test_predict_as_json():
 def test_predict_for_people(tmp_path):
     text = run(*EXACT, "--csv", tmp_path / "out.csv", "--plot", tmp_path / "out.png")
     assert text.startswith("time (tu)  monomer")
-    assert "method exact; numerical error of the probabilities below" in text
+    assert "method transient; numerical error of the probabilities below" in text
     assert "no interval: these rates come without evidence" in text
     assert "breaks: first-order; tank 2 x 2 x 3" in text
     assert len(text.splitlines()) == 1 + 11 + 3
@@ -62,7 +62,7 @@ def test_predict_with_measured_rates(tmp_path):
     )
     rates = tmp_path / "rates.toml"
     rates.write_text('[convention]\ncombinations = "distinct"\n' + table, encoding="utf-8")
-    options = ["line4", "--rates", rates, "--initial", "monomer=10, dimer=5", "--draws", 10]
+    options = ["line4", "--rates", rates, "--initial", "monomer=10, dimer=5", "--posterior-draws", 10]
     data = json.loads(run("predict", *options, "--times", 100, "--json"))
     assert data["interval"]["low"][0][1] < data["mean"][0][1] < data["interval"]["high"][0][1]
     assert data["initial"] == {"monomer": 10, "dimer": 5, "trimer": 0, "quadmer": 0}
@@ -244,8 +244,8 @@ def test_a_sampled_passage(tmp_path):
     assert (found["censored"], found["truncated"]) == (0, None)
     text = run("passage", network, "--species", "free", "--copies", 22, "--method", "ssa", "--horizon", 3)
     assert "held in none of 1000 runs until 3" in text
-    refused = run(*asked, "--method", "ssa", "--within", 3, code=2)
-    assert "--method ssa takes neither --within nor --sensitivity" in refused
+    refused = run(*asked, "--method", "ssa", "--truncate", 3, code=2)
+    assert "--method ssa takes neither --truncate nor --sensitivity" in refused
     figure = tmp_path / "curve.svg"
     run(*asked, "--method", "ssa", "--runs", 20, "--plot", figure)
     assert "probability of not having been reached" in figure.read_text(encoding="utf-8")

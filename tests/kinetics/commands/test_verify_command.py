@@ -50,6 +50,6 @@ def test_a_wrong_sampler_is_exit_code_1(wellmixed_here, tmp_path, monkeypatch):
 
 
 def test_times_must_not_begin_at_0(wellmixed_here, tmp_path):
-    done = wellmixed_here(*LINE[:6], "--times", "0", "5", cwd=tmp_path)
+    done = wellmixed_here(*LINE[:7], "--times", "0", "5", cwd=tmp_path)
     assert done.code == 2
     assert "times begin at 0" in done.err

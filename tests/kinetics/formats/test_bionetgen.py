@@ -239,7 +239,7 @@ def test_what_is_shown(tmp_path):
     path = written(tmp_path, GOOD)
     run = CliRunner().invoke
     options = ["predict", str(path), "--times", "0.05", "--times", "0.3", "--json"]
-    for method in ("auto", "exact"):
+    for method in ("auto", "transient"):
         both, every = (
             json.loads(run(main, [*options, "--method", method, *chosen]).output)
             for chosen in (["--show", "both", "--show", "B"], [])
@@ -283,7 +283,7 @@ def test_derive_writes_for_other_programs(kind, tmp_path):
     done = run(main, ["rules", "derive", *start, "--out", path])
     assert done.exit_code == 0, done.output
     assert "4 species and 8 channels" in done.output
-    asked = ["--times", "100", "--method", "exact", "--json"]
+    asked = ["--times", "100", "--method", "transient", "--json"]
     of_book, of_file = (json.loads(run(main, ["predict", *each, *asked]).output) for each in (start, [path]))
     assert of_file["species"] == of_book["species"]
     assert_allclose(of_file["mean"], of_book["mean"], rtol=1e-10)

@@ -82,7 +82,7 @@ def test_commands_take_other_values(tmp_path):
     file, other = tmp_path / "model.rxn", tmp_path / "other.rxn"
     other.write_text(file.read_text().replace("1e-2", "0.05"))
     questions = {
-        "predict": ["--times", 3, "--method", "exact"],
+        "predict": ["--times", 3, "--method", "transient"],
         "passage": ["--species", "AB", "--copies", 3],
         "ask": ["P=? [ F<=0.5 AB >= 3 ]"],
     }
@@ -111,7 +111,7 @@ def test_the_unit_of_time_is_the_models_own(tmp_path):
         model = model_at(tmp_path, text if unit else text.removeprefix("time unit: s\n"))
         file, shown = tmp_path / "model.rxn", f" ({unit})" if unit else ""
         assert f"k{f' (1/{unit})' if unit else ''}\n" in run("rules", "derive", file).output
-        times = ["--times", 1, "--method", "exact"]
+        times = ["--times", 1, "--method", "transient"]
         assert run("predict", file, *times).output.startswith(f"time{shown} ")
         assert run("predict", file, *times, "--show", "total").output.startswith(f"time{shown} ")
         passage = run("passage", file, "--species", "AB", "--copies", 3).output

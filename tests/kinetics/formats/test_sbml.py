@@ -303,7 +303,7 @@ def test_predict_shows_observables_and_how_the_file_was_read(tmp_path):
     made.reaction("turn", {"X": 1}, {"Y": 1}, "X - 2*Y", reversible=True)
     with pytest.raises(ValueError, match=r"starts from 0\.5"):
         made.read(tmp_path)
-    options = ["predict", str(tmp_path / "model.xml"), "--method", "exact", "--times", "50", "--json"]
+    options = ["predict", str(tmp_path / "model.xml"), "--method", "transient", "--times", "50", "--json"]
     run = CliRunner().invoke
     done = run(main, options)
     assert done.exit_code == 2

@@ -45,7 +45,7 @@ def test_the_passage_to_a_sum_is_that_to_what_it_counts(path):
     assert predict_passage(model.network, None, model.initial, {"AB": 1}, 10).mean.value == by_species.mean
     slopes = [passage_sensitivity(model.network, model.initial, *asked) for asked in (({"AB": 2.0}, 20), ("AB", 10))]
     assert slopes[0].value.tolist() == slopes[1].value.tolist()
-    for more in ([], ["--sensitivity"], ["--within", "300"]):
+    for more in ([], ["--sensitivity"], ["--truncate", "300"]):
         found, expected = (
             said("passage", path, "--species", name, "--copies", n, *more) for name, n in (("total", 60), ("AB", 10))
         )

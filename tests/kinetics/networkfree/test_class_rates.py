@@ -84,7 +84,7 @@ def test_predict_reads_rates_by_class(wellmixed_here, tmp_path):
         breaks={"model": "collision", "shape": SHAPES["collision"]},
     )
     known.save(tmp_path / "classes.toml")
-    command = ["predict", "line4", "--rates", "classes.toml", "--times", "50", "--method", "exact", "--json"]
+    command = ["predict", "line4", "--rates", "classes.toml", "--times", "50", "--method", "transient", "--json"]
     made = wellmixed_here(*command, "--cubes", "8", cwd=tmp_path).json
     exact = solve(known.apply(LINE), Transient(), [8, 0, 0, 0], [50.0])
     assert made["mean"][0] == pytest.approx(exact.mean()[0].tolist())

@@ -248,7 +248,7 @@ def test_what_was_chosen_is_the_cheaper_and_is_told():
     cheap = predict(line(), None, [60, 0, 0, 0], [500.0], accuracy="20%", seed=1)
     dear = predict(line(), None, [60, 0, 0, 0], [500.0], accuracy="0.01%", seed=1)
     assert cheap.method == "auto (lockstep)"
-    assert dear.method == "exact"
+    assert dear.method == "transient"
     for made in (cheap, dear):
         seconds = {each.method: each.seconds for each in made.reached.candidates if each.seconds is not None}
         assert made.method in seconds
@@ -488,7 +488,7 @@ def test_a_plain_prediction_imports_nothing_of_it():
 
 def test_a_job_is_answered_by_itself():
     answer = adaptive_prediction(Job(Model(DECAY, {"A": 100}), TIMES), AskedAccuracy(0.01, True))
-    assert answer.reached.chosen == "exact"
+    assert answer.reached.chosen == "transient"
     assert answer.reached.is_reached
 
 
@@ -546,7 +546,7 @@ def test_a_late_explosion_ends_the_figures_of_all_runs():
 def test_a_solution_of_all_times_goes_before_runs_of_some():
     network = Network.from_text("A -> B, 200\nB -> A, 200")
     made = predict(network, None, {"A": 900}, [0.001, 0.2], accuracy="5%", seed=1, max_events=2000, threads=1)
-    assert (made.method, made.truncated, made.times.size) == ("exact", None, 2)
+    assert (made.method, made.truncated, made.times.size) == ("transient", None, 2)
 
 
 def test_one_more_way_is_one_line(monkeypatch):
@@ -559,7 +559,7 @@ def test_one_more_way_is_one_line(monkeypatch):
 
         def attempt(self):
             job = self.goal.job
-            return Attained(job.distribution(solve(job.model.network, "exact", job.model.initial, job.grid)), 0.0)
+            return Attained(job.distribution(solve(job.model.network, "transient", job.model.initial, job.grid)), 0.0)
 
     monkeypatch.setattr(adaptive, "WAYS", (*adaptive.WAYS, Oracle))
     made = predict(line(), None, [60, 0, 0, 0], [500.0], accuracy="1%", seed=1)

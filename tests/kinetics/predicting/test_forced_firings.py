@@ -284,7 +284,7 @@ def test_forced_firings_count_observables():
 
 def test_solutions_say_nothing_of_rare_events():
     made = predict(Network.from_text("A -> B, 0.001"), None, {"A": 2}, [1.0], accuracy="10%")
-    assert made.method == "exact"
+    assert made.method == "transient"
     assert made.reached.rare == ""
 
 

@@ -56,7 +56,7 @@ def test_mean_and_sd_are_those_of_the_method():
     assert (sampled.method, sampled.error) == ("ssa", 0.0)
     exact = predict(bare_line(), rates, START, TIMES, Transient())
     assert_array_equal(exact.sd, solve(line(), Transient(), START, TIMES).sd())
-    assert exact.method == "exact"
+    assert exact.method == "transient"
     assert 0 < exact.error < 1e-11
     assert not exact.standard_error.any()
     assert np.all(abs(sampled.mean - exact.mean) < 4.9 * sampled.standard_error + 1e-12)

@@ -111,7 +111,7 @@ def test_predictions_have_intervals(tmp_path):
             for key, e in known.classes.items()
         }
         rates(classes=classes, breaks={"model": "first-order"}).save(tmp_path / f"{name}.toml")
-        options = ["--cubes", "20", "--times", "200", "--runs", "100", "--draws", "100", "--json", "--rates"]
+        options = ["--cubes", "20", "--times", "200", "--runs", "100", "--posterior-draws", "100", "--json", "--rates"]
         done = CliRunner().invoke(predict_command, ["line4", *options, str(tmp_path / f"{name}.toml")])
         assert done.exit_code == 0, done.output
         said = json.loads(done.output)
@@ -122,6 +122,6 @@ def test_predictions_have_intervals(tmp_path):
         assert low < said["mean"][-1][place] < high
         widths.append(high - low)
     assert widths[1] < 0.3 * widths[0]
-    waits = ["line4", "--cubes", "6", "--species", "dimer", "--draws", "20", "--json", "--rates"]
+    waits = ["line4", "--cubes", "6", "--species", "dimer", "--posterior-draws", "20", "--json", "--rates"]
     done = CliRunner().invoke(passage_command, [*waits, str(tmp_path / "few.toml")])
     assert done.exit_code == 0, done.output

@@ -252,7 +252,7 @@ def test_work_without_a_natural_end_is_refused_with_its_forecast(command, births
 
 
 def test_the_limit_of_a_method_is_named_as_the_command_names_it(pairs):
-    done = run("predict", pairs, "--times", 4e4, "--method", "exact", "--budget", 1e-3, code=2)
+    done = run("predict", pairs, "--times", 4e4, "--method", "transient", "--budget", 1e-3, code=2)
     assert "--budget 0.001 (minutes); raise it" in done.stderr
 
 
@@ -275,7 +275,7 @@ def stages(monkeypatch):
     ("command", "words"),
     [
         (
-            ("passage", "line4", "--rates", "measured", "--cubes", 4, "--species", "quadmer", "--draws", 3),
+            ("passage", "line4", "--rates", "measured", "--cubes", 4, "--species", "quadmer", "--posterior-draws", 3),
             "2 of 3 draws",
         ),
         (

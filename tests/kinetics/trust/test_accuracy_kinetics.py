@@ -102,7 +102,7 @@ def test_errors_of_sampling_fall_with_the_root_of_the_runs(small):
 
 
 def test_proven_bounds_hold_and_tolerances_are_kept(small):
-    for curve in ("fsp", "exact"):
+    for curve in ("fsp", "transient"):
         points = small.of(curve)
         assert len(points) == 6
         for point in points:

@@ -47,7 +47,7 @@ def test_a_wrong_solver_is_seen():
     right = compare_solvers(switch(), [20, 0], [0.5, 2.0], [Transient(), Wrong(), Dense()])
     assert right.failures == ()
     found = compare_solvers(switch(), [20, 0], [0.5, 2.0], [Transient(), Wrong(off=1e-9), Dense()])
-    assert {(pair.first, pair.second) for pair in found.failures} == {("exact", "wrong"), ("wrong", "dense")}
+    assert {(pair.first, pair.second) for pair in found.failures} == {("transient", "wrong"), ("wrong", "dense")}
     assert "WRONG" in str(found)
     data = json.loads(json.dumps(found.to_json()))
     assert sum(not pair["agrees"] for pair in data["pairs"]) == 2
@@ -61,8 +61,8 @@ def test_a_solver_that_contradicts_itself_is_seen():
 def test_refusals_and_estimates_are_said():
     net = network("X", {"birth": ((0,), (1,)), "death": ((1,), (0,))}, [10.0, 1.0])
     found = compare_solvers(net, [0], [1.0, 2.0], [FiniteStateProjection(), Transient(max_states=100)])
-    assert [name for name, _ in found.refusals] == ["exact"]
-    assert "exact gave no answer: over 100 states" in str(found)
+    assert [name for name, _ in found.refusals] == ["transient"]
+    assert "transient gave no answer: over 100 states" in str(found)
     for law, is_bound in (("X / (1 + X)", True), ("floor(X / 3 * 3) / (1 + X)", False)):
         by_law = Network.from_reactions({"death": ({"X": 1}, {})}, [law])
         found = compare_solvers(by_law, [9], [1.0, 2.0])

@@ -34,7 +34,7 @@ def test_sound_runs_raise_no_doubt_and_a_faster_channel_does_by_name():
     assert all(name.startswith(("2+2->4", "any event", "all joins")) for name in found.doubtful)
     assert "The model is doubtful" in found.verdict
     (row,) = [row for row in found.verdicts() if row["test"] == "start"]
-    assert "--breaks collision" in row["verdict"]
+    assert "--break-model collision" in row["verdict"]
     assert {row["channel"] for row in found.p_values()} == {
         *network.channels,
         *("any event", "all joins", "all breaks"),

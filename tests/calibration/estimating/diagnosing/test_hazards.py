@@ -89,6 +89,6 @@ def test_breaks_by_collisions_point_to_their_model_and_pass_under_it():
 
     for plain in (None, line_rates("first-order"), fit_breaks(break_model("first-order"), paths)):
         assert all_breaks(plain).p_value < 1e-4
-        assert "--breaks collision" in all_breaks(plain).remedy
+        assert "--break-model collision" in all_breaks(plain).remedy
     for right in (truth, fit_breaks(break_model("collision"), paths)):
         assert all_breaks(right).p_value > 0.01

@@ -236,7 +236,7 @@ def test_the_command(tmp_path):
     assert [(book["place"], book["book"]) for book in found["books"]] == [(1, "line4_pairs"), (2, "line4")]
     assert found["pathways"]["line4_pairs"] == ["1+1", "2+2"]
     assert found["rates"]["classes"]["join 1 f1 + 1 f1 touching 1"]["rate"] == pytest.approx(7.88e-5 / 2)
-    assert found["books"][0]["yield"]["method"] == "exact"
+    assert found["books"][0]["yield"]["method"] == "transient"
     assert len(table.read_text().splitlines()) == 1 + 2 * 3
     assert picture.read_bytes()[:4] == b"\x89PNG"
 
