@@ -254,10 +254,10 @@ class Sensitivity:
         return self._derivatives(Gradient(answer, value, wide, is_bound), before.method, time.process_time() - began)
 
     def _scores(self, time: float, error: float, square: float = np.inf) -> Floats:
-        """What an error of values between 0 and 1 adds to a derivative by each parameter (P,) at most, over a time, tu.
+        """What an error of values between 0 and 1 adds at most to a derivative by each parameter (P,), over a time.
 
-        Each firing changes their mean by twice the error at most. Or, by Cauchy and Schwarz, with `square` that of their
-        square: the square of the score of a path has the number of firings for its mean (see `at_a_time`).
+        Each firing changes their mean by twice the error at most. Or, by Cauchy and Schwarz, with `square` the mean of
+        their square: the mean square of the score of a path is that of its number of firings (see `at_a_time`).
         """
         rows, channels = self._entries.transitions.rows, self._entries.channels
         places, inverse = np.unique(channels * len(self._chain) + rows, return_inverse=True)
