@@ -64,7 +64,7 @@ study: $(READY)
 	$(BIN)/wellmixed calibrate $(STUDY)/plan.toml $(STUDY_RUNS) --breaks collision --out $(STUDY)/next-rates.toml
 	$(BIN)/wellmixed validate $(STUDY)/plan.toml $(STUDY_RUNS) --rates $(STUDY)/next-rates.toml \
 		--control $(STUDY)/control-rates.toml --json > $(STUDY)/next-validation.json
-	$(BIN)/wellmixed loads $$($(BIN)/python -m tests.results.study_pages calibration) --json > $(STUDY)/loads.json
+	$(BIN)/wellmixed runs loads $$($(BIN)/python -m tests.results.study_pages calibration) --json > $(STUDY)/loads.json
 	$(BIN)/python -m tests.results.study_pages
 
 # Class rates of jacks and pyramids together beside the held-out growth of pyramids, the control that knows no places, and

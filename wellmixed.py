@@ -44,100 +44,104 @@ if (trouble := stranger()) is not None:
 
 from kinetics import __version__  # noqa: E402 - ours, as we now know
 from kinetics.support.cli.failures import INTERRUPTED, interrupted, judged  # noqa: E402
-from kinetics.support.cli.lazy_commands import mount  # noqa: E402
+from kinetics.support.cli.lazy_commands import Menu, mount  # noqa: E402
 from kinetics.support.cli.options_file import options_in  # noqa: E402
 from kinetics.support.cli.process import run  # noqa: E402
 from kinetics.support.cli.progress import sign_of_life  # noqa: E402
 from kinetics.support.interrupts import was_interrupted  # noqa: E402
 
-# name -> (module, attribute, the line that `--help` shows)
+# words -> (module, attribute, the line that `--help` shows), in the order of `--help`
 COMMANDS = {
-    "new": ("calibration.commands.new", "new", "Make the folder of a study: from a shape to rules, scene and plan."),
+    "demo": ("calibration.commands.demo", "demo", "Simulate, calibrate, predict and validate, with a report."),
+    "new": ("calibration.commands.new", "new", "Make the folder of a study: rules, scene and plan for a shape."),
     "simulate": (
         "mechsim.commands.simulate",
         "simulate",
-        "Simulate cubes in an agitated tank by rigid-body mechanics.",
+        "Simulate cubes in an agitated tank, as rigid bodies.",
     ),
-    "study": (
-        "mechsim.commands.study",
-        "study",
-        "Measure first-assembly times over a range of conditions.",
-    ),
-    "plan": ("calibration.commands.plan", "plan", "Plan the runs of a study: tanks, runs and held-out runs."),
     "calibrate": ("calibration.commands.calibrate", "calibrate", "Estimate reaction rates from runs of the mechanics."),
-    "predict": (
-        "kinetics.commands.predict",
-        "predict",
-        "Predict the counts of all species over time.",
-    ),
-    "passage": (
-        "kinetics.commands.passage",
-        "passage",
-        "Solve for the first-passage time to copies of a species.",
-    ),
-    "ask": (
-        "kinetics.commands.ask",
-        "ask",
-        "Answer exact questions about a Markov chain, with limits.",
-    ),
-    "scan": (
-        "kinetics.commands.scan",
-        "scan",
-        "Answer questions over a grid of parameters, rates and counts.",
-    ),
-    "rates": ("calibration.commands.rates", "rates", "Estimate reaction rates at each point of a study."),
     "validate": (
         "calibration.commands.validate",
         "validate",
         "Compare predictions with mechanics runs held out of the fit.",
     ),
-    "demo": (
-        "calibration.commands.demo",
-        "demo",
-        "Simulate, calibrate, predict and validate, with a report.",
-    ),
-    "derive": (
+    "predict": ("kinetics.commands.predict", "predict", "Predict the counts of all species over time."),
+    "ask": ("kinetics.commands.ask", "ask", "Answer exact questions about a Markov chain, with limits."),
+    "passage": ("kinetics.commands.passage", "passage", "Solve for the first-passage time to copies of a species."),
+    "scan": ("kinetics.commands.scan", "scan", "Answer questions over a grid of parameters, rates and counts."),
+    "rules check": ("kinetics.commands.check", "check", "Verify a rule book by exhausting everything it can assemble."),
+    "rules derive": (
         "kinetics.commands.derive",
         "derive",
         "Derive the reaction network of a rule book, or convert a file.",
     ),
-    "hardcases": (
-        "kinetics.commands.hardcases",
-        "hardcases",
-        "Test every numerical method on problems that break methods.",
+    "rules compile": (
+        "kinetics.commands.compile",
+        "compile_",
+        "Synthesise a rule book that builds a structure.",
     ),
-    "verify": (
-        "kinetics.commands.verify",
-        "verify",
-        "Verify samplers and solvers on a network, with their power.",
+    "rules certify": ("kinetics.commands.certify", "certify", "Verify the certificate of a compiled rule book."),
+    "rules draw": ("kinetics.commands.draw", "draw", "Draw structures, state diagrams, networks and growth."),
+    "rules grow": ("kinetics.commands.grow", "grow", "Simulate assembly directly from the rules, without a network."),
+    "rules rank": (
+        "kinetics.commands.rank",
+        "rank",
+        "Rank rule books of one target by yield or first-assembly time.",
     ),
-    "render": (
+    "study plan": ("calibration.commands.plan", "plan", "Plan the runs of a study: tanks, runs and held-out runs."),
+    "study first-times": (
+        "mechsim.commands.first_times",
+        "first_times",
+        "Measure first-assembly times over a range of conditions.",
+    ),
+    "study rates": ("calibration.commands.rates", "rates", "Estimate reaction rates at each point of a study."),
+    "runs render": (
         "mechsim.commands.render",
         "render",
         "Render a mechanics run as pictures, a film or a 3-D view.",
     ),
-    "replay": ("mechsim.commands.replay", "replay", "Repeat a stored mechanics run and inspect its last steps."),
-    "loads": ("mechsim.commands.loads", "loads", "Extrapolate rates of breaks from logged hits."),
-    "export": ("mechsim.commands.export", "export", "Export stored mechanics runs as Parquet and CSV tables."),
-    "rules": ("kinetics.commands", "rules", "Check, compile, draw, grow and rank rule books."),
-}
-
-# `wellmixed accuracy ...`, a command a room
-ACCURACY = {
-    "kinetics": (
+    "runs replay": (
+        "mechsim.commands.replay",
+        "replay",
+        "Repeat a stored mechanics run and inspect its last steps.",
+    ),
+    "runs export": (
+        "mechsim.commands.export",
+        "export",
+        "Export stored mechanics runs as Parquet and CSV tables.",
+    ),
+    "runs loads": ("mechsim.commands.loads", "loads", "Extrapolate rates of breaks from logged hits."),
+    "trust verify": (
+        "kinetics.commands.verify",
+        "verify",
+        "Verify samplers and solvers on a network, with their power.",
+    ),
+    "trust hardcases": (
+        "kinetics.commands.hardcases",
+        "hardcases",
+        "Test every numerical method on problems that break methods.",
+    ),
+    "trust accuracy kinetics": (
         "kinetics.commands.accuracy",
         "kinetics",
         "Measure each prediction method's error against its CPU time.",
     ),
-    "mechanics": (
+    "trust accuracy mechanics": (
         "mechsim.commands.accuracy",
         "mechanics",
         "Measure the mechanics' error against its CPU time.",
     ),
 }
+GROUPS = {
+    "rules": "Check, derive, compile, draw, grow and rank rule books.",
+    "study": "Plan studies; measure first times and rates over conditions.",
+    "runs": "Render, replay and export stored mechanics runs.",
+    "trust": "Verify the methods, and measure their accuracy.",
+    "trust accuracy": "Measure accuracy against CPU time.",
+}
 
 
-class FrontDoor(click.Group):
+class FrontDoor(Menu):
     """Turns every error into one message and an exit code, see `kinetics.support.cli.failures`."""
 
     def __call__(self, *args, **named) -> NoReturn:
@@ -191,13 +195,7 @@ def main(ctx: click.Context, debug: bool, quiet: bool, options_file: str | None)
         options_in(ctx, options_file)
 
 
-@main.group()
-def accuracy() -> None:
-    """Measure accuracy against CPU time."""
-
-
-mount(accuracy, ACCURACY)
-mount(main, COMMANDS)
+mount(main, COMMANDS, GROUPS)
 
 if __name__ == "__main__":
     main()

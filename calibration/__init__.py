@@ -16,16 +16,15 @@ if TYPE_CHECKING:
     from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
     from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
     from calibration.estimating.estimate import Calibration, RateEstimate, estimate
-    from calibration.estimating.exposure import Exposure, by_age, by_initial, count, pooled
-    from calibration.estimating.models import RATE_MODELS, Crowded, MassActionRates, Weibull, rate_model
+    from calibration.estimating.exposure import Exposure, count, pooled
+    from calibration.estimating.models import RATE_MODELS, Crowded, MassActionRates, Weibull
     from calibration.estimating.net_path import net_path
-    from calibration.estimating.paper import paper_estimate
     from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, compare_fits, fit_rates
     from calibration.estimating.rate_model import RateModel
     from calibration.reporting.report import Chart, Heading, HtmlReport, ReportTable, Text
     from calibration.validating.comparison import CrossValidation
     from calibration.validating.crossvalidation import crossvalidate
-    from calibration.validating.first_times import FirstTimes, compare_first_times
+    from calibration.validating.first_times import FirstTimeComparison, compare_first_times
     from kinetics.rates.breaks import ShapeParameter
     from kinetics.support.intervals import exact_limits
 
@@ -38,17 +37,16 @@ _HOMES = {
     "calibration.estimating.diagnosing.base": ("Diagnostic", "DiagnosticResult"),
     "calibration.estimating.diagnosing.diagnosis": ("Diagnosis", "diagnose"),
     "calibration.estimating.estimate": ("Calibration", "RateEstimate", "estimate"),
-    "calibration.estimating.exposure": ("Exposure", "by_age", "by_initial", "count", "pooled"),
-    "calibration.estimating.models": ("RATE_MODELS", "Crowded", "MassActionRates", "Weibull", "rate_model"),
+    "calibration.estimating.exposure": ("Exposure", "count", "pooled"),
+    "calibration.estimating.models": ("RATE_MODELS", "Crowded", "MassActionRates", "Weibull"),
     "calibration.estimating.net_path": ("net_path",),
-    "calibration.estimating.paper": ("paper_estimate",),
     "calibration.estimating.rate_fit": ("LikelihoodRatio", "RateFit", "compare_fits", "fit_rates"),
     "calibration.estimating.rate_model": ("RateModel",),
     "kinetics.rates.breaks": ("ShapeParameter",),
     "calibration.reporting.report": ("Chart", "Heading", "HtmlReport", "ReportTable", "Text"),
     "calibration.validating.comparison": ("CrossValidation",),
     "calibration.validating.crossvalidation": ("crossvalidate",),
-    "calibration.validating.first_times": ("FirstTimes", "compare_first_times"),
+    "calibration.validating.first_times": ("FirstTimeComparison", "compare_first_times"),
     "kinetics.support.intervals": ("exact_limits",),
 }
 
@@ -64,7 +62,7 @@ __all__ = [
     "Diagnostic",
     "DiagnosticResult",
     "Exposure",
-    "FirstTimes",
+    "FirstTimeComparison",
     "Heading",
     "HtmlReport",
     "LikelihoodRatio",
@@ -76,8 +74,6 @@ __all__ = [
     "ShapeParameter",
     "Text",
     "Weibull",
-    "by_age",
-    "by_initial",
     "compare_first_times",
     "compare_fits",
     "count",
@@ -88,9 +84,7 @@ __all__ = [
     "fit_breaks",
     "fit_rates",
     "net_path",
-    "paper_estimate",
     "pooled",
-    "rate_model",
 ]
 
 __getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)

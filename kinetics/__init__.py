@@ -10,17 +10,8 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from kinetics.markov import Chain, ChainAnswer, Reward, Sensitivity
-    from kinetics.markov.passage import (
-        Committor,
-        Passage,
-        RareEvent,
-        Stationary,
-        committor,
-        first_passage,
-        rare_event,
-        stationary,
-    )
+    from kinetics.markov import Chain, Reward, Sensitivity, committor, first_passage, stationary
+    from kinetics.markov.passage import Committor, Passage, RareEvent, Stationary, rare_event
     from kinetics.markov.transient import (
         Collocation,
         Dense,
@@ -31,14 +22,14 @@ if TYPE_CHECKING:
         reachable,
         solve,
     )
-    from kinetics.network import Network, Tank
+    from kinetics.network import Model, Network, Tank
     from kinetics.networkfree import Growth, Growths, grow
     from kinetics.predicting import PassagePrediction, Prediction, predict, predict_passage
     from kinetics.predicting.ranking import Ranking, rank
-    from kinetics.predicting.scanning import Scan, ScanAnswer, ScannedModel, scan
+    from kinetics.predicting.scanning import Scan, scan
     from kinetics.rates import ChannelRate, ClassRates, Convention, Rates
     from kinetics.rates.breaks import BREAK_MODELS, BreakModel, break_model
-    from kinetics.runs import RESTART, Ensemble, EnsembleStatistics, JumpPath
+    from kinetics.runs import RESTART, Ensemble, EnsembleStatistics, FirstTimes, JumpPath
     from kinetics.sampling import (
         Auto,
         CompositionRejection,
@@ -51,6 +42,7 @@ if TYPE_CHECKING:
         simulate,
         simulate_statistics,
     )
+    from kinetics.support.answer import Answer
     from kinetics.trust import Verification, verify
 
 __version__ = "0.2.0.dev0"
@@ -58,36 +50,34 @@ __project__ = "wellmixed"  # by which the command knows that this is ours
 
 _HOMES = {
     "kinetics.rates.breaks": ("BREAK_MODELS", "BreakModel", "break_model"),
-    "kinetics.markov": ("ChainAnswer", "Chain", "Reward", "Sensitivity"),
-    "kinetics.network": ("Network", "Tank"),
+    "kinetics.markov": ("Chain", "Reward", "Sensitivity", "committor", "first_passage", "stationary"),
+    "kinetics.network": ("Model", "Network", "Tank"),
     "kinetics.networkfree": ("Growth", "Growths", "grow"),
-    "kinetics.markov.passage": (
-        *("Passage", "RareEvent", "Committor", "Stationary"),
-        *("first_passage", "rare_event", "committor", "stationary"),
-    ),
+    "kinetics.markov.passage": ("Passage", "RareEvent", "Committor", "Stationary", "rare_event"),
     "kinetics.predicting": ("PassagePrediction", "Prediction", "predict", "predict_passage"),
     "kinetics.predicting.ranking": ("Ranking", "rank"),
     "kinetics.rates": ("ChannelRate", "ClassRates", "Convention", "Rates"),
-    "kinetics.runs": ("RESTART", "Ensemble", "EnsembleStatistics", "JumpPath"),
+    "kinetics.runs": ("RESTART", "Ensemble", "EnsembleStatistics", "FirstTimes", "JumpPath"),
     "kinetics.sampling": (
         *("Auto", "CompositionRejection", "Direct", "General", "Leaping", "Lockstep", "PartialPropensities"),
         *("sample_path", "simulate", "simulate_statistics"),
     ),
-    "kinetics.predicting.scanning": ("Scan", "ScanAnswer", "ScannedModel", "scan"),
+    "kinetics.predicting.scanning": ("Scan", "scan"),
     "kinetics.markov.transient": (
         *("Collocation", "Dense", "Distribution", "FiniteStateProjection", "StateSpace", "Transient"),
         *("reachable", "solve"),
     ),
+    "kinetics.support.answer": ("Answer",),
     "kinetics.trust": ("Verification", "verify"),
 }
 
 __all__ = [
     "BREAK_MODELS",
     "RESTART",
+    "Answer",
     "Auto",
     "BreakModel",
     "Chain",
-    "ChainAnswer",
     "ChannelRate",
     "ClassRates",
     "Collocation",
@@ -100,12 +90,14 @@ __all__ = [
     "Ensemble",
     "EnsembleStatistics",
     "FiniteStateProjection",
+    "FirstTimes",
     "General",
     "Growth",
     "Growths",
     "JumpPath",
     "Leaping",
     "Lockstep",
+    "Model",
     "Network",
     "PartialPropensities",
     "Passage",
@@ -116,8 +108,6 @@ __all__ = [
     "Rates",
     "Reward",
     "Scan",
-    "ScanAnswer",
-    "ScannedModel",
     "Sensitivity",
     "StateSpace",
     "Stationary",

@@ -151,7 +151,7 @@ class Scene(Settings):
         return next((e for e in self.effects if e.effect == name), None)
 
     def provider(self, what: str) -> Any | None:
-        """Settings of the listed effect that has this name or provides it (`drag`: drag or explicit-drag), or None."""
+        """Settings of the listed effect that has this name or provides it (`agitation`: three ways of it), or None."""
         return next((e for e in self.effects if what in (e.effect, e.provides)), None)
 
     @property
@@ -164,13 +164,13 @@ class Scene(Settings):
         return tuple(e.effect for e in self.effects if kind in e.opens)
 
     def without(self, *names: str) -> Scene:
-        """The same scene without these effects and their physics. ValueError: another effect needs one of them."""
+        """The scene without these effects and their physics. ValueError: another effect needs one of them."""
         data = self.as_dict()
         data["effects"] = [item for item in data["effects"] if item["effect"] not in names]
         return validated(Scene, data, f"scene {self.name} without {', '.join(names)}")
 
     def changed(self, effect: str, **settings: Any) -> Scene:
-        """The same scene with other settings of one effect, validated again."""
+        """The scene with other settings of one effect, validated again."""
         data = self.as_dict()
         found = [item for item in data["effects"] if item["effect"] == effect]
         if not found:

@@ -230,7 +230,7 @@ for ax, (n, found) in zip(axes, passages.items(), strict=True):
 
 pd.DataFrame(
     {
-        f"{n} cubes": {"mean (tu)": found.mean, "mean, low": found.low, "mean, high": found.high}
+        f"{n} cubes": {"mean (tu)": found.mean.value, "mean, low": found.mean.low, "mean, high": found.mean.high}
         | {"sd (tu)": found.passage.sd}
         | {f"quantile {q:g}": found.passage.quantile(q) for q in (0.025, 0.5, 0.975)}
         for n, found in passages.items()
@@ -328,4 +328,4 @@ json.loads((results / "validation.json").read_text(encoding="utf-8"))["verdict"]
 # %% [markdown]
 # Rates measured in short runs thus stand or fall with these tables, in assemblies and at sizes where they were never
 # measured. What they do not say: whether the rates hold at other cube sizes, speeds or shapes of the tank. Those need
-# a calibration of their own (`wellmixed plan my-scene.toml`), and a check like this one.
+# a calibration of their own (`wellmixed study plan my-scene.toml`), and a check like this one.

@@ -130,8 +130,8 @@ ax.set(xlabel="time (tu)", ylabel="mean height (length)")
 # %% [markdown]
 # ## 4. What accuracy costs
 #
-# `wellmixed accuracy mechanics line4` compares every numerical knob with a fine reference, beside its cost. The model's
-# own settings have a panel of their own: they are no error, and they matter more.
+# `wellmixed trust accuracy mechanics line4` compares every numerical knob with a fine reference, beside its cost. The
+# model's own settings have a panel of their own: they are no error, and they matter more.
 
 # %%
 SVG(filename=str(results / "accuracy" / "line4.svg"))

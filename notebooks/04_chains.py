@@ -34,7 +34,7 @@ import pandas as pd
 from scipy.sparse import csr_array, eye_array, kron
 
 from kinetics import Chain, Collocation, Reward, Sensitivity
-from kinetics.markov import ask, read_explicit, write_explicit
+from kinetics.markov import ask, chain_path, chain_path_to, read_explicit, write_explicit
 from kinetics.markov.transient.uniformisation import DiscreteChain
 from kinetics.trust.hardcases.chains import machines
 
@@ -177,11 +177,11 @@ soon = [cluster.until("grown", by=time) for time in times]
 forwards = cluster.transient(times)
 rare = pd.DataFrame([asdict(one) for one in soon], index=times.round(2))
 rare["relative width"] = (rare["high"] - rare["low"]) / rare["value"]
-rare.iloc[::3][["value", "relative width", "is_bound"]]
+rare.iloc[::3][["value", "relative width", "kind"]]
 
 # %%
-paths = [cluster.sample_path_to("grown", seed=1, run=run) for run in range(6)]
-usual = [cluster.sample_path(30.0, seed=2, run=run) for run in range(40)]
+paths = [chain_path_to(cluster, "grown", seed=1, run=run) for run in range(6)]
+usual = [chain_path(cluster, 30.0, seed=2, run=run) for run in range(40)]
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4))
 left.loglog(times, rare["value"], "o-", ms=3, label="until, backwards: relative limits")
 left.axhline(forwards.error, color="0.5", ls=":", label="proven error of a pass forwards")

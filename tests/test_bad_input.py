@@ -196,14 +196,14 @@ def test_initial_species_of_simulate(refused, initial, said):
         ([*PREDICT, "--cubes", "6", "--times", "-5"], "times holds -5.0; expected at least 0"),
         ([*PREDICT, "--cubes", "6", "--method", "magic"], "'magic' is not one of 'ssa', "),
         ([*PREDICT, "--cubes", "6", "--csv", "no/table.csv"], "the folder of no/table.csv does not exist"),
-        ([*PASSAGE, "--species", "quad"], "--species quad: neither a species nor an observable; did you mean quadmer?"),
+        ([*PASSAGE, "--species", "quad"], "'quad' is neither a species nor an observable; did you mean quadmer?"),
         ([*PASSAGE], "Missing option '--species'"),
         (
             ["passage", "nobook", *PASSAGE[2:], "--species", "dimer"],
             "unknown rule book 'nobook'; shipped are jack13, line4",
         ),
         (["predict", "nobook", *PREDICT[2:], "--cubes", "6"], "unknown rule book 'nobook'; shipped are jack13, line4"),
-        (["derive", "nobook"], "unknown rule book 'nobook'; shipped are jack13, line4"),
+        (["rules", "derive", "nobook"], "unknown rule book 'nobook'; shipped are jack13, line4"),
         (["simulate", "noscene", *SIMULATE[2:]], "unknown scene 'noscene'; shipped are line4"),
         (["simulate", "noscene.toml", *SIMULATE[2:]], "scene file noscene.toml does not exist"),
         (["calibrate", "noscene", *CALIBRATE[2:]], "unknown scene 'noscene'; shipped are line4"),
@@ -233,8 +233,11 @@ def test_initial_species_of_simulate(refused, initial, said):
         (["demo", "--scale", "nan"], "--scale nan; expected a number from 0.02 to 100"),
         (["demo", "--workers", "0"], "0 is not in the range x>=1"),
         (["demo", "--folder", "rates.toml"], "'rates.toml' is a file"),
-        (["export", "nofolder", "--out", "tables"], "'nofolder' does not exist"),
-        (["export", ".", "--out", "tables"], ". holds no runs; expected one that `wellmixed simulate` has filled"),
+        (["runs", "export", "nofolder", "--out", "tables"], "'nofolder' does not exist"),
+        (
+            ["runs", "export", ".", "--out", "tables"],
+            ". holds no runs; expected one that `wellmixed simulate`",
+        ),
         (["assemble", "line4"], "No such command 'assemble'"),
     ],
 )
@@ -297,7 +300,7 @@ def test_a_run_folder_of_another_version(refused, tmp_path):
         (tmp_path / "runs" / part).mkdir(parents=True)
     (tmp_path / "runs" / "format").write_text("wellmixed runs, format 99\n", encoding="utf-8")
     (tmp_path / "runs" / "0.run").write_bytes(b"of another format")
-    for command in (SIMULATE, CALIBRATE, [*VALIDATE, "--cubes", "6"], ["export", "runs", "--out", "tables"]):
+    for command in (SIMULATE, CALIBRATE, [*VALIDATE, "--cubes", "6"], ["runs", "export", "runs", "--out", "tables"]):
         said = refused(*command)
         assert "holds 'wellmixed runs, format 99'; this version reads and writes 'wellmixed runs, format 2'" in said
 
@@ -333,4 +336,4 @@ def test_a_missing_extra_is_named(refused, monkeypatch):
 
 def test_debug_shows_the_traceback(wellmixed_here, tmp_path):
     with pytest.raises(ValueError, match="unknown rule book 'nobook'"):
-        wellmixed_here("--debug", "derive", "nobook", cwd=tmp_path)
+        wellmixed_here("--debug", "rules", "derive", "nobook", cwd=tmp_path)

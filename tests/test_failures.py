@@ -45,7 +45,7 @@ def net_of(terms):
 @pytest.mark.parametrize("terms", [3, 400, 5000])
 def test_sums_of_many_names_are_read_or_refused(tmp_path, terms):
     (tmp_path / "sum.net").write_text(net_of(terms), encoding="utf-8")
-    done = run_here("derive", "sum.net", cwd=tmp_path)
+    done = run_here("rules", "derive", "sum.net", cwd=tmp_path)
     if done.code != 0:
         assert terms > 3
         assert "sum" in failed(done, 2) or "nests more deeply" in failed(done, 2)
@@ -55,7 +55,7 @@ def test_sums_of_many_names_are_read_or_refused(tmp_path, terms):
 def test_documents_of_unknown_encodings_are_refused(tmp_path, encoding):
     head = f'<?xml version="1.0" encoding="{encoding}"?>\n<sbml xmlns="http://www.sbml.org/sbml/level3/version2/core" '
     (tmp_path / "model.xml").write_text(head + 'level="3" version="2"><model/></sbml>', encoding="ascii")
-    failed(run_here("derive", "model.xml", cwd=tmp_path), 2)
+    failed(run_here("rules", "derive", "model.xml", cwd=tmp_path), 2)
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_extreme_levels_of_a_study_are_refused(tmp_path, factor, level):
     shipped = (ROOT / "mechsim" / "studies" / "shipped" / f"{name}.toml").read_text(encoding="utf-8")
     head, *_ = shipped.split("[[paper]]")
     (tmp_path / "own.toml").write_text(re.sub(r"levels = .*", f"levels = [{level}]", head), encoding="utf-8")
-    assert "own.toml" in failed(run_here("study", "own.toml", "--collect", cwd=tmp_path), 2)
+    assert "own.toml" in failed(run_here("study", "first-times", "own.toml", "--collect", cwd=tmp_path), 2)
 
 
 # What fails outside
@@ -127,10 +127,10 @@ def test_extreme_levels_of_a_study_are_refused(tmp_path, factor, level):
     ],
 )
 def test_every_error_has_a_message_and_a_code(monkeypatch, tmp_path, error, code, said):
-    def fail(**_):
+    def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr("kinetics.commands.predict.start", fail)
+    monkeypatch.setattr("kinetics.commands.predict.described", fail)
     done = run_here(*PREDICT, cwd=tmp_path, faults=True)
     assert said in failed(done, code)
     assert judged(error)[0] == code
@@ -159,7 +159,7 @@ def test_a_full_disk_under_the_store_of_runs(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("mechsim.runs.turns.os.fsync", full)
+        patch.setattr("mechsim.runs.file_locks.os.fsync", full)
         done = run_here(*SIMULATE, cwd=tmp_path)
     assert "No space left on device; could not write" in failed(done, OUTSIDE)
     assert not list(tmp_path.glob("runs/.*"))
@@ -181,15 +181,15 @@ RUNS = "Interrupted: finished runs are kept in {}, and the same command makes on
 @pytest.mark.parametrize(
     ("command", "where", "said"),
     [
-        (PREDICT, "kinetics.commands.predict.start", NOTHING),
-        (["derive", "line4"], "kinetics.assembly.deriving.derive.explore", NOTHING),
+        (PREDICT, "kinetics.commands.predict.described", NOTHING),
+        (["rules", "derive", "line4"], "kinetics.assembly.deriving.derive.explore", NOTHING),
         (SIMULATE, "mechsim.runs.ensemble.run_all", RUNS.format("runs")),
         ([*SIMULATE, "--runs-folder", "mine"], "mechsim.runs.ensemble.run_all", RUNS.format("mine")),
-        (["study", "number"], "mechsim.runs.ensemble.run_all", RUNS.format("runs")),
+        (["study", "first-times", "number"], "mechsim.runs.ensemble.run_all", RUNS.format("runs")),
         (["calibrate", "line4", "--out", "r.toml"], "mechsim.runs.ensemble._Driver.run", RUNS.format("runs")),
         (["validate", "line4", "--rates", "table3"], "mechsim.runs.ensemble._Driver.run", RUNS.format("runs")),
         (["demo", "--folder", "here"], "mechsim.runs.ensemble._Driver.run", RUNS.format("here/runs")),
-        (["accuracy", "mechanics", "line4"], "mechsim.accuracy.measuring.measure", RUNS.format("runs")),
+        (["trust", "accuracy", "mechanics", "line4"], "mechsim.accuracy.measuring.measure", RUNS.format("runs")),
     ],
 )
 def test_ctrl_c_says_what_is_kept(tmp_path, monkeypatch, command, where, said):
@@ -209,7 +209,7 @@ def test_an_error_that_a_library_makes_of_ctrl_c_is_an_interrupt(tmp_path, monke
     def compile_it(*_, **__):
         raise RuntimeError("failed in nopython mode") from cause
 
-    monkeypatch.setattr("kinetics.commands.predict.start", compile_it)
+    monkeypatch.setattr("kinetics.commands.predict.described", compile_it)
     done = run_here(*PREDICT, cwd=tmp_path, faults=True)
     assert done.code == (INTERRUPTED if cause else FAULT)
     assert (done.err == NOTHING) is bool(cause)

@@ -17,7 +17,7 @@ SOURCES = [*sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"
 
 # The one other writer: its temporary files have fixed names and are locked, so that processes which share a folder of
 # runs take turns, and take over what a killed one left (tests/mechsim/runs/test_store.py).
-STORE = "mechsim/runs/turns.py"
+STORE = "mechsim/runs/file_locks.py"
 DOORS = ("kinetics/support/output.py", STORE)
 # ffmpeg is a program of its own, which writes where it is told: into a private temporary folder.
 FFMPEG = "mechsim/inspection/pictures/movie.py"
@@ -190,9 +190,9 @@ READS_OWN = {
     "kinetics/commands/compile.py": "/proc",
     "kinetics/kernels/compiled.py": "our sources",
     "kinetics/formats/outside.py": "what a program made in a folder of ours",
-    "kinetics/predicting/scanning/kept.py": "points of scans, each with its checksum",
+    "kinetics/predicting/scanning/checkpoints.py": "points of scans, each with its checksum",
     "mechsim/runs/store.py": "runs, with their checksums",
-    "mechsim/runs/turns.py": "the same, locked",
+    "mechsim/runs/file_locks.py": "the same, locked",
     "mechsim/inspection/pictures/movie.py": "a film that ffmpeg made in a folder of ours",
     "kinetics/support/output.py": "the door of the writers, which looks at the end of a line",
     "mechsim/world/engines/pybullet_engine.py": "the null device",

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from command_line import run_here
 from command_tree import commands
+from json_outputs import command_of
 
 from kinetics.support.extras import EXTRAS
 
@@ -31,7 +32,7 @@ SIMULATE = ("simulate", "line4", "--cubes", 2, "--duration", 0.1)
         ((*SCAN, "--parquet", "a.parquet"), "pandas"),
         ((*SCAN, "--csv", "a.csv"), "pandas"),
         ((*SCAN, "--plot", "a.png"), "matplotlib"),
-        (("derive", *LINE, "--out", "a.xml"), "libsbml"),
+        (("rules", "derive", *LINE, "--out", "a.xml"), "libsbml"),
         (("passage", *LINE, "--species", "dimer", "--plot", "a.pdf"), "matplotlib"),
         (("rules", "check", "line4", "--plot", "a.svg"), "matplotlib"),
         (("rules", "draw", "line4", "--out", "a.svg"), "matplotlib"),
@@ -40,16 +41,16 @@ SIMULATE = ("simulate", "line4", "--cubes", 2, "--duration", 0.1)
         ((*SIMULATE, "--picture", "a.png"), "matplotlib"),
         ((*SIMULATE, "--growth", "a.png"), "matplotlib"),
         ((*SIMULATE, "--plot", "a.png"), "matplotlib"),
-        (("accuracy", "kinetics", *LINE, "--csv", "a.csv"), "pandas"),
-        (("accuracy", "mechanics", "line4", "--csv", "a.csv"), "pandas"),
-        (("plan", "line4", "--out", "plan.toml", "--plot", "a.png"), "matplotlib"),
+        (("trust", "accuracy", "kinetics", *LINE, "--csv", "a.csv"), "pandas"),
+        (("trust", "accuracy", "mechanics", "line4", "--csv", "a.csv"), "pandas"),
+        (("study", "plan", "line4", "--out", "plan.toml", "--plot", "a.png"), "matplotlib"),
         (("calibrate", "line4", "--out", "rates.toml", "--report", "a.html"), "matplotlib"),
         (("validate", "line4", "--rates", "table3", "--report", "a.html"), "matplotlib"),
         (("validate", "line4", "--rates", "table3", "--csv", "a.csv"), "pandas"),
-        (("render", "abcdef", "--out", "a.html"), "plotly"),
-        (("render", "abcdef", "--out", "a.mp4"), "imageio_ffmpeg"),
-        (("export", ".", "--out", "tables"), "pyarrow"),
-        (("loads", ".", "--plot", "a.png"), "matplotlib"),
+        (("runs", "render", "abcdef", "--out", "a.html"), "plotly"),
+        (("runs", "render", "abcdef", "--out", "a.mp4"), "imageio_ffmpeg"),
+        (("runs", "export", ".", "--out", "tables"), "pyarrow"),
+        (("runs", "loads", ".", "--plot", "a.png"), "matplotlib"),
     ],
 )
 def test_what_an_option_needs_is_looked_for_before_any_work(tmp_path, monkeypatch, command, package):
@@ -64,8 +65,9 @@ def test_what_pip_is_to_install_is_what_the_extras_ask_for():
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     asked = {line.split(";")[0].strip() for extra in extras.values() for line in extra}
     assert set(EXTRAS.values()) <= asked
-    for package, line in EXTRAS.items():  # a package is imported by another name than it is installed by
-        for distribution in packages_distributions().get(package, ()):
+    distributions = packages_distributions()  # a package is imported by another name than it is installed by
+    for package, line in EXTRAS.items():
+        for distribution in distributions.get(package, ()):
             assert line.lower().startswith(distribution.lower().replace("_", "-")) or package == "bionetgen"
 
 
@@ -91,7 +93,7 @@ def test_figures_and_tables_may_be_several(tmp_path):
         ((*PREDICT, "--runs", 6), "--runs came twice, with 5 and with 6"),
         ((*PREDICT, "--runs=6"), "--runs came twice, with 5 and with 6"),
         ((*PREDICT, "--tank", 2, 2, 3, "--tank", 2, 2, 4), "--tank came twice, with 2 2 3 and with 2 2 4"),
-        (("derive", *LINE, "--out", "a.net", "--out", "b.net"), "--out came twice, with a.net and with b.net"),
+        (("rules", "derive", *LINE, "--out", "a.net", "--out", "b.net"), "--out came twice, with a.net and with b.net"),
         (("rules", "grow", "line4", "--seed", 1, "--seed", 2), "--seed came twice, with 1 and with 2"),
     ],
 )
@@ -122,23 +124,23 @@ REFUSALS = [
     ("passage", "clock.rxn", "--species", "B"),
     ("ask", "clock.rxn", "P=? [ F<=3 B>=5 ]"),
     ("predict", "clock.rxn", "--method", "exact", "--times", 1),
-    ("verify", "clock.rxn", "--times", 1),
-    ("accuracy", "kinetics", "clock.rxn", "--duration", 1),
+    ("trust", "verify", "clock.rxn", "--times", 1),
+    ("trust", "accuracy", "kinetics", "clock.rxn", "--duration", 1),
     ("passage", "line4", "--species", "dimer"),
     ("ask", "line4", "--rates", "table3", "E[dimer] @ 1"),
     ("scan", "line4", "--rates", "table3", "--over", "k=1,2", "--ask", "E[dimer] @ 1"),
-    ("derive", "line4", "--out", "a.net"),
-    ("verify", "line4"),
+    ("rules", "derive", "line4", "--out", "a.net"),
+    ("trust", "verify", "line4"),
     ("rules", "rank", "line4"),
     ("rules", "check", "nothing"),
     ("rules", "grow", "line4", "--cubes", 9, "--draws", 5),
-    ("render", "abcdef", "--out", "a.png"),
-    ("replay", "abcdef"),
-    ("loads", "."),
-    ("export", ".", "--out", "tables"),
-    ("study", "nothing"),
-    ("rates", "nothing"),
-    ("plan", "line4", "--out", "plan.txt"),
+    ("runs", "render", "abcdef", "--out", "a.png"),
+    ("runs", "replay", "abcdef"),
+    ("runs", "loads", "."),
+    ("runs", "export", ".", "--out", "tables"),
+    ("study", "first-times", "nothing"),
+    ("study", "rates", "nothing"),
+    ("study", "plan", "line4", "--out", "plan.txt"),
     ("calibrate", "line4", "--out", "rates.toml", "--events", "none.csv"),
     ("validate", "line4", "--rates", "nothing"),
     ("simulate", "line4"),
@@ -149,8 +151,9 @@ def strangers(words, said):
     """Options that a message names and the command lacks; those of a command that it quotes are looked for there."""
     options = {name: {spelled for p in command.params for spelled in p.opts} for name, command in commands()}
     options["wellmixed"] = set()
-    for quoted in re.findall(r"`(?:wellmixed )?((?:accuracy |rules )?[a-z]+) ([^`]*)`", said):
-        yield from (option for option in re.findall(r"--[a-z-]+", quoted[1]) if option not in options[quoted[0]])
+    for quoted in re.findall(r"`(?:wellmixed )?([^`]*)`", said):
+        known = options[command_of(quoted.split())]
+        yield from (option for option in re.findall(r"--[a-z-]+", quoted) if option not in known)
     plain = re.sub(r"`[^`]*`", "", said)
     yield from (option for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", plain) if option not in options[words])
 
@@ -160,11 +163,8 @@ def test_errors_name_options_that_the_command_has_and_no_arguments_of_python(tmp
     (tmp_path / "clock.rxn").write_text(CLOCK)
     done = run_here(*command, cwd=tmp_path)
     assert done.code == 2, done.out
-    (words,) = {name for name, _ in commands() if name in (command[0], " ".join(map(str, command[:2]))) and name} & (
-        {" ".join(command[:2])} if command[0] in ("rules", "accuracy") else {command[0]}
-    )
     said = done.err.partition("Error: ")[2]
-    assert not list(strangers(words, said)), said
+    assert not list(strangers(command_of(command), said)), said
     assert not re.search(r"\b(max_[a-z]+|within|copies_per_unit)\b ?=|\bmax_[a-z]+\b|method 'general'", said), said
 
 

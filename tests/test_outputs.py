@@ -29,8 +29,8 @@ levels = [8.0]
 COMMANDS = [
     (["predict", *LINE4, "--runs", 5, "--duration", 1, "--csv", "table.csv", "--plot", "plot.svg"], 2),
     (["passage", *LINE4, "--species", "dimer", "--plot", "plot.png"], 1),
-    (["derive", *LINE4, "--out", "line.net"], 1),
-    (["derive", *LINE4, "--out", "line.xml"], 1),
+    (["rules", "derive", *LINE4, "--out", "line.net"], 1),
+    (["rules", "derive", *LINE4, "--out", "line.xml"], 1),
     (["ask", *LINE4, "--out", "line.tra"], 3),
     (["ask", *LINE4, "--out", "line.sm"], 1),
     (
@@ -53,12 +53,12 @@ COMMANDS = [
     ),
     (["rules", "compile", "line4", "--out", "book.toml"], 1),
     (["rules", "draw", "line4", "--out", "rules.pdf"], 1),
-    (["study", "study.toml", "--collect", "--runs-folder", "posed", "--out", "found"], 1),
-    (["export", "posed", "--out", "found"], 6),
-    (["render", "RUN", "--runs-folder", "posed", "--out", "run.gif"], 1),
-    (["render", "RUN", "--runs-folder", "posed", "--out", "run.png"], 1),
-    (["render", "RUN", "--runs-folder", "posed", "--out", "run.html"], 1),
-    (["replay", "RUN", "--poses", "last.npz"], 1),
+    (["study", "first-times", "study.toml", "--collect", "--runs-folder", "posed", "--out", "found"], 1),
+    (["runs", "export", "posed", "--out", "found"], 6),
+    (["runs", "render", "RUN", "--runs-folder", "posed", "--out", "run.gif"], 1),
+    (["runs", "render", "RUN", "--runs-folder", "posed", "--out", "run.png"], 1),
+    (["runs", "render", "RUN", "--runs-folder", "posed", "--out", "run.html"], 1),
+    (["runs", "replay", "RUN", "--poses", "last.npz"], 1),
 ]
 IDS = [" ".join([str(word) for word in command if "." in str(word)] + [str(command[0])]) for command, _ in COMMANDS]
 
@@ -176,7 +176,7 @@ def test_a_study_writes_nothing_outside_its_folder(place, name):
     folder, _ = place
     (folder / "study.toml").write_text(STUDY.replace('name = "own"', f'name = "{name}"'), encoding="utf-8")
     before = contents(folder.parent)
-    command = ["study", "study.toml", "--collect", "--runs-folder", "posed", "--out", "found"]
+    command = ["study", "first-times", "study.toml", "--collect", "--runs-folder", "posed", "--out", "found"]
     done = run_here(*command, cwd=folder)
     assert done.code == 2
     assert "study name" in done.err

@@ -23,7 +23,7 @@ def test_a_wrong_line_of_output_is_seen(tmp_path):
     page.write_text("```console\n$ wellmixed --version\nwellmixed, version 0.0\n```\n", encoding="utf-8")
     (wrong,) = run_page(page, tmp_path)
     assert "instead of" in wrong
-    page.write_text("```console\n$ wellmixed derive nothing.net\n```\n", encoding="utf-8")
+    page.write_text("```console\n$ wellmixed rules derive nothing.net\n```\n", encoding="utf-8")
     (wrong,) = run_page(page, tmp_path)
     assert "ended with 2" in wrong
 

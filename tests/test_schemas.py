@@ -8,7 +8,7 @@ import json
 
 import pytest
 from command_tree import commands
-from json_outputs import SCHEMAS, faults, file_of, merged, schema_of, validator
+from json_outputs import SCHEMAS, command_of, faults, file_of, merged, schema_of, validator
 
 CALLS = [
     ["predict", "t5", "--rates", "classes.toml", "--cubes", 10, "--times", 5, "--runs", 50],
@@ -17,14 +17,14 @@ CALLS = [
     ["predict", "t5", "--rates", "classes.toml", "--cubes", 10, "--times", 5, "--accuracy", "20%"],
     ["passage", "decay.rxn", "--species", "B", "--copies", 3],
     ["ask", "decay.rxn", "P=? [ F<=2 B >= 3 ]", 'R{"B"}=? [ C<=4 ]'],
-    ["derive", "t5"],
+    ["rules", "derive", "t5"],
     ["rules", "check", "line4_as_printed"],
     ["rules", "draw", "t5", "--what", "book", "--out", "book.svg"],
     ["rules", "grow", "line4", "--cubes", 8, "--join", 1e-4, "--duration", 50],
     ["rules", "rank", "line4", "line4_pairs", "--rates", "table3", "--cubes", 8],
-    ["accuracy", "kinetics", "decay.rxn", "--budget", 0.005],
-    ["hardcases", "--only", "yule"],
-    ["verify", "decay.rxn", "--times", 1, "--runs", 500, "--method", "lockstep", "--no-power"],
+    ["trust", "accuracy", "kinetics", "decay.rxn", "--budget", 0.005],
+    ["trust", "hardcases", "--only", "yule"],
+    ["trust", "verify", "decay.rxn", "--times", 1, "--runs", 500, "--method", "lockstep", "--no-power"],
 ]
 CLASSES = """
 faces = "two"
@@ -42,8 +42,7 @@ def test_other_calls_keep_to_the_schemas(call, wellmixed_here, tmp_path):
     (tmp_path / "decay.rxn").write_text("A -> B, 0.3\nA = 7\ntime unit: h\n", encoding="utf-8")
     (tmp_path / "classes.toml").write_text(CLASSES, encoding="utf-8")
     data = wellmixed_here(*call, "--json", cwd=tmp_path)
-    command = " ".join(call[:2]) if call[0] in {"rules", "accuracy"} else call[0]
-    assert faults(command, json.loads(data.out)) == []
+    assert faults(command_of(call), json.loads(data.out)) == []
 
 
 def test_every_command_has_a_schema():

@@ -18,8 +18,11 @@ SIMULATE = ["simulate", "line4", "--cubes", "2", "--duration", "0.1", "--runs-fo
 COMMANDS = {
     "help": (["--help"], 0),
     "version": (["--version"], 0),
-    "derive": (["derive", "line4"], 0),
-    "derive into a file": (["derive", "line4", "--rates", "table3", "--cubes", "9", "--out", "network.rxn"], 0),
+    "derive": (["rules", "derive", "line4"], 0),
+    "derive into a file": (
+        ["rules", "derive", "line4", "--rates", "table3", "--cubes", "9", "--out", "network.rxn"],
+        0,
+    ),
     "predict": (PREDICT, 0),
     "json": ([*PREDICT, "--json"], 0),
     "csv": ([*PREDICT, "--csv", "table.csv"], 0),
@@ -31,8 +34,8 @@ COMMANDS = {
     "nothing": ([], MISTAKE),
     "no such command": (["prophesy"], MISTAKE),
     "an error of usage": (["predict", "--nothing"], MISTAKE),
-    "an error of input": (["derive", "nowhere.net"], MISTAKE),
-    "quiet": (["--quiet", "derive", "nowhere.net"], MISTAKE),
+    "an error of input": (["rules", "derive", "nowhere.net"], MISTAKE),
+    "quiet": (["--quiet", "rules", "derive", "nowhere.net"], MISTAKE),
 }
 LOST = {
     "full": (OUTSIDE, "Error: could not write to standard output: No space left on device\n"),
@@ -79,12 +82,13 @@ def descriptor(state):
     return os.open("/dev/full" if state == "full" else os.devnull, os.O_WRONLY)
 
 
-@pytest.mark.parametrize("unbuffered", ["", "1"])
-@pytest.mark.parametrize("words", [["--help"], ["derive", "nowhere.net"]])
+@pytest.mark.parametrize(
+    ("words", "unbuffered"), [(["--help"], ""), (["--help"], "1"), (["rules", "derive", "nowhere.net"], "")]
+)
 def test_processes_of_their_own_end_so_too(tmp_path, words, unbuffered):
     """What the table takes for granted: Python's start and end, with and without PYTHONUNBUFFERED."""
     environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
-    for state in STATES.values():
+    for state in map(STATES.get, ("output full", "output closed", "error closed", "both unread")):
         opened = [descriptor(each) for each in state]
         closed = [number for number, each in enumerate(state, 1) if each == "closed"]
         done = subprocess.run(
@@ -105,7 +109,7 @@ def test_processes_of_their_own_end_so_too(tmp_path, words, unbuffered):
 @pytest.mark.parametrize("way", [["-m", "wellmixed"], ["-c", "from wellmixed import main; main()"]])
 def test_python_runs_the_command_with_the_same_end(tmp_path, way):
     with Path("/dev/full").open("w") as full:
-        command = [sys.executable, *way, "derive", "line4"]
+        command = [sys.executable, *way, "rules", "derive", "line4"]
         done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=-1, text=True, check=False)
     assert (done.returncode, done.stderr) == LOST["full"]
 

@@ -1,7 +1,6 @@
 """Users' own files pass mypy in strict mode: the Python of README and docs, and a script with dicts."""
 
 import doctest
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +9,12 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PAGES = ["README.md", *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").glob("*.md"))]
+# What `mypy --strict` asks for, as far as a file can ask for it.
+STRICTLY = (
+    "allow-redefinition, disallow-any-generics, disallow-subclassing-any, disallow-untyped-calls, "
+    "disallow-untyped-defs, disallow-incomplete-defs, check-untyped-defs, disallow-untyped-decorators, "
+    "warn-unused-ignores, warn-return-any, no-implicit-reexport, strict-equality, extra-checks"
+)
 SCRIPT = """
 from kinetics import Direct, Network, Transient, first_passage, predict, sample_path, scan, simulate, solve, stationary
 
@@ -35,22 +40,17 @@ def examples(page):
 
 
 def strictly(folder, sources):
-    """What mypy has to say of files, name -> source; our own modules are taken as they are installed, silently."""
+    """What mypy has to say of files, name -> source.
+
+    Each asks for its own strictness, so that our modules have the settings of `make lint`, and come from its cache.
+    """
     for name, source in sources.items():
-        (folder / name).write_text(source, encoding="utf-8")
-    settings = [
-        "--strict",
-        "--follow-imports=silent",
-        "--no-error-summary",
-        "--hide-error-context",
-        "--allow-redefinition",
-    ]
-    done = subprocess.run(
-        [sys.executable, "-m", "mypy", *settings, *sources],
-        cwd=folder, capture_output=True, text=True, check=False, env=os.environ | {"MYPYPATH": str(ROOT)},
-    )  # fmt: skip
+        (folder / name).write_text(f"# mypy: {STRICTLY}\n{source}", encoding="utf-8")
+    command = [sys.executable, "-m", "mypy", "--no-error-summary", "--hide-error-context"]
+    files = [folder / name for name in sources]
+    done = subprocess.run([*command, *files], cwd=ROOT, capture_output=True, text=True, check=False)
     assert not done.stderr, done.stderr
-    return done.stdout.splitlines()
+    return [line.rpartition("/")[2] for line in done.stdout.splitlines()]
 
 
 @pytest.fixture(scope="module")

@@ -89,7 +89,7 @@ def test_the_readmes_first_lines_run_in_an_empty_environment(python, tmp_path):
     (tmp_path / "first.md").write_text(first, encoding="utf-8")
     assert said(python, tmp_path, "-m", "doctest", "first.md") == ""
     command = python.with_name("wellmixed")
-    assert "4 species, 8 channels" in said(command, tmp_path, "derive", "line4")
+    assert "4 species, 8 channels" in said(command, tmp_path, "rules", "derive", "line4")
     lines = said(command, tmp_path, *["predict", "line4", "--rates", "table3", "--cubes", "60", "--method", "exact"])
     assert "method exact" in lines
 

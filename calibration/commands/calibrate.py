@@ -1,4 +1,4 @@
-"""The command `wellmixed calibrate`: rates of all channels, from mechanics runs or from what others watched."""
+"""The command `wellmixed calibrate`: rates of all channels, from mechanics runs or from what others observed."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, is_filled, or_s
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
+    from calibration.observed.study import ObservedStudy
     from calibration.pipeline.calibration_study import CalibrationStudy
-    from calibration.watched.study import WatchedStudy
     from mechsim.commands.options import ShardWork
     from mechsim.runs.executors import Executor
 
@@ -130,13 +130,13 @@ def calibrate(
     far as the runs tell them apart, and serve `rules grow`, `rules rank`, `predict` and `validate` for any book. Books
     that grow from a seed have no others: see docs/class_rates.md.
 
-    A PLAN, a file as `wellmixed plan` writes it, states the scene, the tanks, the runs and the seed itself. A FOLDER,
-    as `wellmixed new` makes it, holds the plan, and gets rates, report and runs.
+    A PLAN, a file as `wellmixed study plan` writes it, states the scene, the tanks, the runs and the seed itself. A
+    FOLDER, as `wellmixed new` makes it, holds the plan, and gets rates, report and runs.
 
     With --events no run is made, and a rule book or a network file (.net, SBML) takes the place of SCENE: the rates are
-    those of runs that others watched. A row of their table holds run, time and channel, or run, time and the copies of
+    those of runs that others observed. A row of their table holds run, time and channel, or run, time and the copies of
     each species after a change. The word start in the column channel marks the start of a run, with the copies of each
-    species; end marks its end, and restart that it was put back to its start. See docs/watched_events.md.
+    species; end marks its end, and restart that it was put back to its start. See docs/observed_events.md.
     """
     from calibration.pipeline.plan import is_plan
 
@@ -159,7 +159,7 @@ def calibrate(
         return
     if share != "auto":
         raise ValueError(f"--share {share} is for rates by class; leave it out, or ask for --by class")
-    study: CalibrationStudy | WatchedStudy | None = study_of_events(scene, events, run_table, tank, cubes, breaks)
+    study: CalibrationStudy | ObservedStudy | None = study_of_events(scene, events, run_table, tank, cubes, breaks)
     if study is None:
         from calibration.pipeline.calibration_study import check_measurable, run_calibration, run_planned_calibration
         from calibration.pipeline.plan import StudyPlan

@@ -1,4 +1,4 @@
-"""What `wellmixed calibrate` does with --events: rates from runs that others watched."""
+"""What `wellmixed calibrate` does with --events: rates from runs that others observed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import click
 from calibration.commands.shared import given_options
 
 if TYPE_CHECKING:
-    from calibration.watched.study import WatchedStudy
+    from calibration.observed.study import ObservedStudy
 
 # Options that mean something with --events too; all others tell how mechanics runs are made.
 SHARED = {"scene", "out", "cubes", "report", "as_json", "events", "run_table", "tank", "breaks"}
@@ -25,7 +25,7 @@ def events_options(command: Callable[..., None]) -> Callable[..., None]:
             metavar="X Y Z",
             type=float,
             nargs=3,
-            help="Lengths of the tank in which the runs of --events were watched.",
+            help="Lengths of the tank in which the runs of --events were observed.",
         ),
         click.option(
             "--run-table",
@@ -38,7 +38,7 @@ def events_options(command: Callable[..., None]) -> Callable[..., None]:
             "--events",
             metavar="FILE",
             type=table,
-            help="Make no runs; read a table (CSV or Parquet) of what others watched: run, time and channel, or run, "
+            help="Make no runs; read a table (CSV or Parquet) of what others observed: run, time and channel, or run, "
             "time and the counts after each change, a column for each species.",
         ),
     ):
@@ -53,7 +53,7 @@ def study_of_events(
     tank: tuple[float, float, float] | None,
     cubes: tuple[int, ...],
     breaks: str | None,
-) -> WatchedStudy | None:
+) -> ObservedStudy | None:
     """The study that --events asks for, None without it. ValueError: options that do not go together.
 
     cubes : taken as the number that each run holds if the user has said so
@@ -63,13 +63,13 @@ def study_of_events(
     if events is None:
         for name in ("run_table", "tank"):
             if name in given:
-                raise ValueError(f"{given[name]} describes runs that others watched; name their table too, by --events")
+                raise ValueError(f"{given[name]} describes observed runs; name their table too, by --events")
         return None
     for name, option in given.items():
         if name not in SHARED:
             raise ValueError(f"{option} is about mechanics runs, and --events makes none; leave one of them out")
-    from calibration.watched.study import watched_study
-    from kinetics.commands.start import is_network_file, network_of_book
+    from calibration.observed.study import observed_study
+    from kinetics.commands.models import is_network_file, network_of_book
     from kinetics.formats import read
     from kinetics.network import Tank
 
@@ -79,6 +79,6 @@ def study_of_events(
             f"--cubes {' '.join(map(str, cubes))}: with --events one number, that of the cubes in each run"
         )
     said = cubes[0] if "cubes" in given else None
-    return watched_study(
+    return observed_study(
         source, network, events, run_table, cubes=said, single=single, tank=tank and Tank(tank), breaks=breaks
     )

@@ -1,4 +1,4 @@
-"""The command `wellmixed plan`: which runs a study needs, and what they will show."""
+"""The command `wellmixed study plan`: which runs a study needs, and what they will show."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command `wellmixed rates`: rates at each point of a study, from its runs."""
+"""The command `wellmixed study rates`: rates at each point of a study, from its runs."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def rates(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Estimate the rates at each point of STUDY from the runs that `wellmixed study` made with the same --seed.
+    """Estimate the rates at each point of STUDY from runs of `wellmixed study first-times` with the same --seed.
 
     Points of one scene should have the same rates, whatever their number of cubes. The first times of each point are
     therefore compared with the first-passage distribution of the Markov chain under the rates of the other points.
@@ -73,7 +73,7 @@ def rates(
         if not paths:
             raise ValueError(
                 f"{runs_folder} holds no run of {study} at {point.title} with seed {seed}; make them by: "
-                f"wellmixed study {study} --seed {seed} --runs-folder {runs_folder}"
+                f"wellmixed study first-times {study} --seed {seed} --runs-folder {runs_folder}"
             )
         points.append(PointRuns(point.title, point.scene.fingerprint, paths))
     found = rates_by_point(points, str(specs[0].until), described.cap, seed)

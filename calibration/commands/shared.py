@@ -9,16 +9,16 @@ import click
 from click.core import ParameterSource
 
 from calibration.validating.predictive import shown_p
+from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import table_of
 from kinetics.support.tables import figure, inverse, of_unit, text_table
-from mechsim.commands.options import PARTIAL
 
 if TYPE_CHECKING:
     from calibration.estimating.break_comparison import BreakComparison
     from calibration.estimating.diagnosing.diagnosis import Diagnosis
+    from calibration.observed.study import ObservedStudy
     from calibration.pipeline.calibration_study import CalibrationStudy
     from calibration.pipeline.held_out_study import ValidationStudy
-    from calibration.watched.study import WatchedStudy
 
 
 def seed_option(default: int) -> Any:
@@ -87,7 +87,7 @@ def breaks_table(compared: BreakComparison) -> str:
     return "\n".join(lines)
 
 
-def rates_table(study: CalibrationStudy | WatchedStudy) -> str:
+def rates_table(study: CalibrationStudy | ObservedStudy) -> str:
     """Rates with intervals, and which channels were not seen, for people."""
     from calibration.reporting.overview import about_not_seen
 
@@ -201,4 +201,4 @@ def leave(problems: list[str]) -> None:
     for problem in problems:
         click.echo(f"left out: {problem}", err=True)
     if problems:
-        click.get_current_context().exit(PARTIAL)
+        click.get_current_context().exit(STOPPED)

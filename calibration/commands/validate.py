@@ -114,9 +114,9 @@ def validate(
 ) -> None:
     """Compare predictions with mechanics runs of a scene that the rates never saw.
 
-    A PLAN, a file as `wellmixed plan` writes it, states the scene, the sizes, the runs and the seed itself, and the
-    rules by which its verdict falls; the report says which of them hold. A FOLDER, as `wellmixed new` makes it, holds
-    the plan and the rates, and gets report and runs.
+    A PLAN, a file as `wellmixed study plan` writes it, states the scene, the sizes, the runs and the seed itself, and
+    the rules by which its verdict falls; the report says which of them hold. A FOLDER, as `wellmixed new` makes it,
+    holds the plan and the rates, and gets report and runs.
 
     Rates by class are tested on growth: network-free runs under draws of the rates predict curves of structures by
     size, of targets and of the largest structure, joins and breaks. The report says how surely so many runs would have

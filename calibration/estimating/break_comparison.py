@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 from calibration.estimating.break_fit import admits, break_channels, deviance, fit_breaks, log_score, rates_of_fit
 from calibration.estimating.double_breaks import DoubleBreaks, double_breaks
 from calibration.estimating.estimate import Calibration
-from calibration.estimating.rate_fit import ImpossibleEventError, LikelihoodRatio, RateFit, compare_fits
+from calibration.estimating.rate_fit import (
+    CLOSE,
+    ImpossibleEventError,
+    LikelihoodRatio,
+    RateFit,
+    compare_fits,
+    simplest,
+)
 from kinetics.rates.breaks import ALONE, BREAK_MODELS, BreakModel, break_model
 from kinetics.runs import JumpPath
 from kinetics.support.cli.progress import stage
@@ -21,7 +28,6 @@ if TYPE_CHECKING:
     from kinetics.rates import Rates
 
 FOLDS = 5
-CLOSE = 2.0  # of AIC: within it of the smallest, the model with the fewest parameters is taken
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,12 +39,13 @@ class BreakComparison(Shown):
     (`fits_by_partner`), and the chosen one's rates come from that fit.
 
     fits : in the order of `BREAK_MODELS`
-    fits_by_partner : the same without those that call a break impossible that was seen; none where nobody watched
+    fits_by_partner : those of them that call no break impossible that was seen; none where no partners were recorded
     within : tu, longest time between the two breaks of one collision; None where the runs do not resolve it
 
+    >>> from dataclasses import replace
     >>> from calibration import BreakComparison
     >>> from kinetics import Network, sample_path
-    >>> pairs = Network.from_text("2 A <-> AA, 0.01, 0.1").with_conserved({"cubes": [1, 2]})
+    >>> pairs = replace(Network.from_text("2 A <-> AA, 0.01, 0.1"), conserved={"cubes": [1, 2]})
     >>> paths = [sample_path(pairs, {"A": 10 + 10 * (run % 3)}, end=50.0, seed=1, run=run) for run in range(12)]
     >>> compared = BreakComparison.of(paths)
     >>> [fit.model.name for fit in compared.fits], compared.chosen.model.name
@@ -99,11 +106,11 @@ class BreakComparison(Shown):
     def chosen(self) -> RateFit:
         """The fit with the fewest parameters whose AIC is within 2 of the smallest; of two alike, the smaller AIC.
 
-        Where partners were watched and the breaks alone ask for a model that has some, the choice among those is by
+        Where partners were recorded and the breaks alone ask for a model that has some, the choice among those is by
         who broke what.
         """
-        chosen = _simplest(self.fits)
-        return _simplest(self.fits_by_partner) if self._asks_for_partners(chosen) else chosen
+        chosen = simplest(self.fits)
+        return simplest(self.fits_by_partner) if self._asks_for_partners(chosen) else chosen
 
     def _asks_for_partners(self, chosen: RateFit) -> bool:
         named = {fit.model.name for fit in self.fits_by_partner}
@@ -112,7 +119,7 @@ class BreakComparison(Shown):
     @property
     def reason(self) -> str:
         """Why that one was chosen, in a sentence."""
-        first = _simplest(self.fits)
+        first = simplest(self.fits)
         if not self._asks_for_partners(first):
             return _why(first, self.fits)
         by_partner = _why(self.chosen, self.fits_by_partner, "allows all that was seen")
@@ -195,12 +202,6 @@ def _fits_by_partner(models: Sequence[BreakModel], runs: Sequence[JumpPath]) -> 
     return found
 
 
-def _simplest(fits: Sequence[RateFit]) -> RateFit:
-    """The fit with the fewest parameters whose AIC is within 2 of the smallest; of two alike, the smaller AIC."""
-    least = min(fit.aic for fit in fits)
-    return min((fit for fit in fits if fit.aic <= least + CLOSE), key=lambda fit: (fit.free_parameters, fit.aic))
-
-
 def _why(chosen: RateFit, fits: Sequence[RateFit], alone: str = "was fitted") -> str:
     """Why that one of these, in a sentence; `alone` says what sets it apart where it is the only one."""
     best = min(fits, key=lambda fit: fit.aic)
@@ -222,9 +223,9 @@ def _why(chosen: RateFit, fits: Sequence[RateFit], alone: str = "was fitted") ->
 def _score_of_fold(fit: RateFit, fold: int) -> float:
     """Log score on a fifth of the runs of a fit to the others."""
     numbers = range(len(fit.likelihood.paths))
-    rest = fit.likelihood.among([i for i in numbers if i % FOLDS != fold])
+    rest = fit.likelihood.subset([i for i in numbers if i % FOLDS != fold])
     refit = RateFit(rest, fit.fixed, rest.maximum(fit.fixed, near=fit.model.shape_values))
-    return log_score(refit, fit.likelihood.among([i for i in numbers if i % FOLDS == fold]))
+    return log_score(refit, fit.likelihood.subset([i for i in numbers if i % FOLDS == fold]))
 
 
 def shape_in_words(shape: Mapping[str, Mapping[str, Any]]) -> str:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from calibration.estimating.break_rates import BreakRates
+from calibration.estimating.break_rates import BreaksBySpecies
 from calibration.estimating.estimate import Calibration, prior_of
+from calibration.estimating.exposure import require_tanks
 from calibration.estimating.likelihood import PathLikelihood
 from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, fit_rates
 from calibration.estimating.shape_posterior import shape_posterior
@@ -59,9 +60,8 @@ def fit_breaks(
     channels = break_channels(network)
     if not channels:
         raise ValueError("no channel of this network is a break, so that there is no break model to fit")
-    if len({run.tank is None for run in runs}) > 1:
-        raise ValueError("some runs state their tank and others do not; state it for all of them, or for none")
-    return fit_rates(BreakRates.of(model, network, runs[0].tank, by_partner), runs, channels, fixed)
+    require_tanks(runs)
+    return fit_rates(BreaksBySpecies.of(model, network, runs[0].tank, by_partner), runs, channels, fixed)
 
 
 def admits(model: BreakModel, network: Network) -> bool:
@@ -117,19 +117,19 @@ def rates_of_fit(calibration: Calibration, fit: RateFit, evidence: Mapping[str, 
 
     plain = calibration.rates(evidence)
     model = fit.model
-    if not isinstance(model, BreakRates):
+    if not isinstance(model, BreaksBySpecies):
         raise ValueError(f"{model.name} is no break model; give the result of `fit_breaks`")
     parts = fit.likelihood
     exposures = [evidence.exposure for evidence in parts.parts(model)]
     channels = {name: channel.as_dict(none=False) for name, channel in plain.channels.items()}
     weights = model.mixture()[0]
-    seen, watched = np.zeros(len(plain.channels)), np.zeros(len(plain.channels))
+    seen, observed = np.zeros(len(plain.channels)), np.zeros(len(plain.channels))
     places = [calibration.network.channel_places[name] for name in fit.channels]
     seen[places] = calibration.total.events[places]
-    watched[places] = [weights @ exposure for exposure in exposures]
+    observed[places] = [weights @ exposure for exposure in exposures]
     for i, name in enumerate(fit.channels):
-        if watched[places[i]] <= 0:
-            channels[name] |= prior_of(name, calibration.network, seen, watched)
+        if observed[places[i]] <= 0:
+            channels[name] |= prior_of(name, calibration.network, seen, observed)
             continue
         low, high = fit.interval(f"b {name}")
         b = float(fit.best.coefficients[0, i])

@@ -2,58 +2,156 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+import contextlib
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from calibration.estimating.class_evidence import BookRuns, ClassEvidence, class_evidence
-from calibration.estimating.class_fit import GROUPINGS, ClassFit, Grouping, simplest
-from kinetics.rates import BreakTerms, ClassRates
+from calibration.estimating.break_rates import BreakRates, BreaksBySize
+from calibration.estimating.exposure import require_tanks
+from calibration.estimating.grouping import SHARINGS, Grouping, Sharing
+from calibration.estimating.likelihood import PathLikelihood
+from calibration.estimating.models import MassActionRates
+from calibration.estimating.rate_fit import RateFit, simplest
+from calibration.estimating.shape_posterior import shape_posterior
+from kinetics.assembly import Derivation
+from kinetics.network import Tank
+from kinetics.rates import (
+    BreakTerms,
+    ClassRate,
+    ClassRates,
+    general_entries,
+    measured_class,
+    more_general,
+    with_prior,
+)
 from kinetics.rates.breaks import BREAK_MODELS, BreakModel, break_model
+from kinetics.runs import JumpPath
+
+SEVERAL = 3  # classes, from which on their scatter says something
+SHARED = {  # what sets a fit apart, in words
+    "event": "one constant",
+    "touched": "a constant a number touched",
+    "faces": "a constant a pair of faces",
+    "sizes": "a constant a class with sizes",
+}
+
+
+class BookRuns(NamedTuple):
+    """Runs of one book, as paths of its derived network."""
+
+    derivation: Derivation
+    paths: tuple[JumpPath, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ClassFit(RateFit):
+    """Constants of the classes of one kind of event. sharing : what the classes of one constant have in common."""
+
+    sharing: Sharing
+
+    @classmethod
+    def of(cls, finest: PathLikelihood, sharing: Sharing, model: BreakRates | None = None) -> ClassFit:
+        """Fit to the evidence of classes. model : the break model in the place of the likelihood's own."""
+        of = finest.model if model is None else model
+        likelihood = finest.of(of, finest.grouping.sharing(sharing, measured(finest)))
+        # Without events nothing is known of the shape: it stays as it is.
+        fixed = {} if likelihood.counts.any() else of.shape_values
+        return cls(likelihood, {}, likelihood.maximum(fixed), sharing)
+
+    @property
+    def breaks(self) -> BreakModel | None:
+        """The break model; None for joins."""
+        return self.model.breaks if isinstance(self.model, BreakRates) else None
+
+    @property
+    def title(self) -> str:
+        """What sets the fit apart, in words."""
+        return SHARED[self.sharing] + ("" if self.breaks is None else f", {self.breaks.name}")
+
+    @property
+    def terms(self) -> BreakTerms:
+        """The break model as a class rates file states it; ValueError for joins."""
+        if self.breaks is None:
+            raise ValueError("joins have no break model")
+        posterior = shape_posterior(self) if self.best.events.any() else None
+        return BreakTerms(model=self.breaks.name, shape=self.model.shape_values, posterior=posterior)
+
+    @cached_property
+    def entries(self) -> dict[str, ClassRate]:
+        """Key -> constant with events, exposure and 95 % interval, then the more general keys.
+
+        Intervals are those of a count in a known exposure (Garwood 1936), given the shape and the way in which events
+        of several classes were shared out. The evidence of a more general key is cut down to what the scatter between
+        its members leaves of it, so that it covers classes that no run had. Where constants go by sizes, that evidence
+        is added to each member's own (empirical Bayes: Efron & Morris 1973, doi:10.1080/01621459.1973.10481350):
+        classes are many and their events few, and half an event for each, by Jeffreys' prior, would be too many.
+        """
+        mixture = self.model.mixture()
+        weights = np.ones(1) if mixture is None else mixture[0]
+        found: dict[str, ClassRate] = {}
+        exposures = self.likelihood.exposure(self.model)
+        for key, events, exposure in zip(self.channels, self.best.events.tolist(), exposures, strict=True):
+            whole = float(exposure @ weights)
+            if whole > 0:
+                shown = tuple(float(f"{value:.6g}") for value in exposure.tolist())
+                parts = {"exposures": shown} if self.model.shape else {}
+                found[key] = measured_class(events / whole, events, whole, **parts)
+        wider = general_entries(found)
+        if self.sharing == "sizes":
+            known = Counter(other for key in found for other in more_general(key))
+            for key, entry in found.items():
+                enough = (o for o in more_general(key) if known[o] >= SEVERAL and wider[o].rate > 0)
+                prior = next(enough, None)
+                found[key] = entry if prior is None else with_prior(entry, wider[prior])
+        return found | wider
 
 
 @dataclass(frozen=True, eq=False)
 class ClassCalibration:
     """Constants of all rate classes, from runs of any books.
 
-    joins, breaks : the evidence of each
+    joins, breaks : what the runs say of each, class by class
     models : the break models to choose from, all of them with weights by size
-    groupings : what classes may have in common to share a constant, to choose from
+    sharings : what classes may have in common to share a constant, to choose from
 
     Which classes share a constant, and which break model holds, is decided by AIC: the fewest parameters within 2 of
     the smallest. Where a model with partners wins and the runs name the partners, its constants and shape come from the
     likelihood of who broke what.
     """
 
-    joins: ClassEvidence
-    breaks: ClassEvidence
+    joins: PathLikelihood
+    breaks: PathLikelihood
     faces: str
-    models: tuple[BreakModel, ...]
-    groupings: tuple[Grouping, ...] = GROUPINGS
+    models: tuple[BreakRates, ...]
+    sharings: tuple[Sharing, ...] = SHARINGS
 
     @cached_property
     def join_fits(self) -> tuple[ClassFit, ...]:
-        """One a grouping; none where nothing joins.
+        """One for each way of sharing constants; none where nothing joins.
 
         Where all places touch as many cubes, one constant is that of such places, and says little of others.
         """
-        touched = {self.joins.classes[place].touched for place in np.flatnonzero(self.joins.exposure[:, 0]).tolist()}
+        there = np.flatnonzero(measured(self.joins)).tolist()
+        touched = {self.joins.grouping.classes[place].touched for place in there}
         if not touched:
             return ()
-        left_out = {"event"} if len(touched) == 1 and "touched" in self.groupings else set()
-        return tuple(ClassFit(self.joins, grouping) for grouping in self.groupings if grouping not in left_out)
+        left_out = {"event"} if len(touched) == 1 and "touched" in self.sharings else set()
+        return tuple(ClassFit.of(self.joins, sharing) for sharing in self.sharings if sharing not in left_out)
 
     @cached_property
     def break_fits(self) -> tuple[ClassFit, ...]:
-        """One a break model and grouping; none where nothing could break."""
-        if not self.breaks.exposure.any():
+        """One for each break model and way of sharing constants; none where nothing could break."""
+        if not measured(self.breaks).any():
             return ()
-        alike = {"touched"} if "event" in self.groupings else set()  # at a bond that breaks one face meets one
-        groupings = [grouping for grouping in self.groupings if grouping not in alike]
-        return tuple(ClassFit(self.breaks, grouping, model) for model in self.models for grouping in groupings)
+        alike = {"touched"} if "event" in self.sharings else set()  # at a bond that breaks one face meets one
+        sharings = [sharing for sharing in self.sharings if sharing not in alike]
+        return tuple(ClassFit.of(self.breaks, sharing, model) for model in self.models for sharing in sharings)
 
     @cached_property
     def chosen_joins(self) -> ClassFit | None:
@@ -66,19 +164,25 @@ class ClassCalibration:
         if not self.break_fits:
             return None
         first = simplest(self.break_fits)
-        if self.breaks.named is None or first.breaks is None or not _has_partners(first.breaks):
+        are_named = all(path.partners is not None for path in self.breaks.paths)
+        if not are_named or not first.model.shape:
             return first
-        among = [model for model in self.models if _has_partners(model)]
-        return simplest([ClassFit(self.breaks, first.grouping, model, by_partner=True) for model in among])
+        by_partner = [replace(model, by_partner=True) for model in self.models if model.shape]
+        return simplest([ClassFit.of(self.breaks, first.sharing, model) for model in by_partner])
+
+    @property
+    def chosen(self) -> tuple[ClassFit, ...]:
+        """The fits of joins and of breaks, as far as there are any."""
+        return tuple(fit for fit in (self.chosen_joins, self.chosen_breaks) if fit is not None)
 
     @property
     def not_measured(self) -> tuple[str, ...]:
         """Classes of which no run had the ways: a more general key must stand for them."""
         return tuple(
-            str(rate_class)
+            key
             for known in (self.joins, self.breaks)
-            for rate_class, exposure in zip(known.classes, known.exposure.sum(axis=1), strict=True)
-            if not exposure > 0
+            for key, there in zip(known.grouping.keys, measured(known), strict=True)
+            if not there
         )
 
     def rates(self, evidence: Mapping[str, Any] | None = None) -> ClassRates:
@@ -86,16 +190,15 @@ class ClassCalibration:
 
         ValueError: the runs had nothing that could join or break.
         """
-        fits = [fit for fit in (self.chosen_joins, self.chosen_breaks) if fit is not None]
-        if not fits:
+        if not self.chosen:
             raise ValueError("no run could join or break anything; add runs with more cubes, or longer ones")
-        tank = self.joins.tank
+        tank = self.joins.paths[0].tank
         breaks = BreakTerms() if self.chosen_breaks is None else self.chosen_breaks.terms
         return ClassRates(
             faces=self.faces,
             tank=None if tank is None else tank.size,
             breaks=breaks,
-            classes={key: entry for fit in fits for key, entry in fit.entries.items()},
+            classes={key: entry for fit in self.chosen for key, entry in fit.entries.items()},
             evidence=dict(evidence or {}) | {"fits": self.reasons},
         )
 
@@ -103,97 +206,93 @@ class ClassCalibration:
     def reasons(self) -> dict[str, str]:
         """How constants are shared and bonds break, with the next best, in words."""
         found = {}
-        for kind, fits, chosen in (
-            ("joins", self.join_fits, self.chosen_joins),
-            ("breaks", self.break_fits, self.chosen_breaks),
-        ):
-            if chosen is not None:
-                others = sorted((f for f in fits if _title(f) != _title(chosen)), key=lambda fit: fit.aic)
-                found[kind] = _title(chosen)
-                if others:
-                    (own,) = (fit for fit in fits if _title(fit) == _title(chosen))
-                    found[kind] += f"; AIC {others[0].aic - own.aic:+.1f} for {_title(others[0])}"
+        for fits, chosen in self._compared:
+            others = sorted((fit for fit in fits if fit.title != chosen.title), key=lambda fit: fit.aic)
+            reason = chosen.title
+            if others:
+                (own,) = (fit for fit in fits if fit.title == chosen.title)
+                reason += f"; AIC {others[0].aic - own.aic:+.1f} for {others[0].title}"
+            found["joins" if chosen.breaks is None else "breaks"] = reason
         return found
+
+    @property
+    def _compared(self) -> list[tuple[tuple[ClassFit, ...], ClassFit]]:
+        """The fits of joins, and of breaks, with the one that was chosen."""
+        both = ((self.join_fits, self.chosen_joins), (self.break_fits, self.chosen_breaks))
+        return [(fits, chosen) for fits, chosen in both if chosen is not None]
 
     def fits_table(self) -> list[dict[str, Any]]:
         """One row a fit that was compared: kind, how constants are shared, break model, parameters, AIC above least."""
-        rows = []
-        for fits, chosen in ((self.join_fits, self.chosen_joins), (self.break_fits, self.chosen_breaks)):
-            lowest = min((fit.aic for fit in fits), default=0.0)
-            rows += [
-                {
-                    "event": fit.evidence.event,
-                    "same": fit.grouping,
-                    "breaks": None if fit.breaks is None else fit.breaks.name,
-                    "free_parameters": fit.free_parameters,
-                    "aic_above_least": fit.aic - lowest,
-                    "is_chosen": chosen is not None and _title(fit) == _title(chosen),
-                }
-                for fit in fits
-            ]
-        return rows
+        return [
+            {
+                "event": "join" if fit.breaks is None else "break",
+                "same": fit.sharing,
+                "breaks": None if fit.breaks is None else fit.breaks.name,
+                "free_parameters": fit.free_parameters,
+                "aic_above_least": fit.aic - min(each.aic for each in fits),
+                "is_chosen": fit.title == chosen.title,
+            }
+            for fits, chosen in self._compared
+            for fit in fits
+        ]
 
     def table(self) -> list[dict[str, Any]]:
         """One row a key: events, exposure (tu), rate and 95 % limits (1/tu)."""
         return [
             {"class": key, **entry.as_dict(without={"exposure_by_shape", "exposures"})}
-            for fit in (self.chosen_joins, self.chosen_breaks)
-            if fit is not None
+            for fit in self.chosen
             for key, entry in fit.entries.items()
         ]
 
 
-def _has_partners(model: BreakModel) -> bool:
-    """Whether bodies or walls break a structure."""
-    return bool(model.size_parameters)
-
-
-def _title(fit: ClassFit) -> str:
-    """What sets a fit apart, in words."""
-    words = {
-        "event": "one constant",
-        "touched": "a constant a number touched",
-        "faces": "a constant a pair of faces",
-        "sizes": "a constant a class with sizes",
-    }
-    return words[fit.grouping] + ("" if fit.breaks is None else f", {fit.breaks.name}")
+def measured(likelihood: PathLikelihood) -> NDArray[np.bool_]:
+    """Constants (K,) of whose ways the runs had any."""
+    return np.asarray(likelihood.exposure(likelihood.model).sum(axis=1) > 0)
 
 
 def calibrate_classes(books: Iterable[BookRuns], breaks: str = "auto", share: str = "auto") -> ClassCalibration:
-    """Estimate the constants of all rate classes from runs of any books, seeded or not.
+    """Estimate the constants of all rate classes from runs of any books, seeded or not, in the tank of the first run.
+
+    A class has one constant in every book, so that its events add up over all channels of all books that have ways of
+    it, and so do their exposures. Breaks are kept partner by partner, by the partner's size: sizes mean the same in any
+    book. Meetings are scaled to the tank of the first run by volume, and hits on walls by surface over volume.
 
     breaks : name of a break model, or `auto` for the one that the runs choose
     share : what the classes of one constant have in common (`event`, `touched`, `faces` or `sizes`), or `auto`
 
     Cost: one pass over the paths, then a second or so for the shape.
-    ValueError: as `class_evidence`; a break model whose weights are not given by sizes; another `share`.
+    ValueError: no runs, face schemes that differ, paths of another network, or tanks of which only some are known; a
+    break model whose weights are not given by sizes; another `share`.
     """
-    groupings = tuple(grouping for grouping in GROUPINGS if share in ("auto", grouping))
-    if not groupings:
-        raise ValueError(f"share = {share!r}; expected auto, {', '.join(GROUPINGS)}")
+    sharings = tuple(sharing for sharing in SHARINGS if share in ("auto", sharing))
+    if not sharings:
+        raise ValueError(f"share = {share!r}; expected auto, {', '.join(SHARINGS)}")
     groups = [BookRuns(derivation, tuple(paths)) for derivation, paths in books]
-    joins, broken = class_evidence(groups)
-    return ClassCalibration(joins, broken, groups[0].derivation.book.scheme, _asked(breaks), groupings)
+    runs = tuple(path for group in groups for path in group.paths)
+    if not runs:
+        raise ValueError("no runs to estimate from; give at least one path")
+    derivations = [group.derivation for group in groups]
+    schemes = {derivation.book.scheme for derivation in derivations}
+    if len(schemes) > 1:
+        raise ValueError(f"books with the faces {', '.join(sorted(schemes))}: their face types mean different things")
+    require_tanks(runs)
+    for derivation, paths in groups:
+        if any(path.network.fingerprint != derivation.network.fingerprint for path in paths):
+            raise ValueError(f"a path is not of the network of book {derivation.book.name!r}")
+    tank = runs[0].tank
+    largest = max(len(s) for derivation in derivations for s in derivation.structures.values())
+    models = _asked(breaks, largest, tank)
+    joins = PathLikelihood(MassActionRates(tank), runs, Grouping.by_class(derivations, "join"))
+    broken = PathLikelihood(models[0], runs, Grouping.by_class(derivations, "break"))
+    return ClassCalibration(joins, broken, derivations[0].book.scheme, models, sharings)
 
 
-def _asked(name: str) -> tuple[BreakModel, ...]:
+def _asked(name: str, largest: int, tank: Tank | None) -> tuple[BreakRates, ...]:
+    """The break models to choose from; ValueError where one that is asked for does not weight partners by size."""
     if name != "auto":
-        return (_by_size(break_model(name)),)
-    return tuple(model for model in BREAK_MODELS if _is_by_size(model))
-
-
-def _is_by_size(model: BreakModel) -> bool:
-    try:
-        _by_size(model)
-    except ValueError:
-        return False
-    return True
-
-
-def _by_size(model: BreakModel) -> BreakModel:
-    """The model; ValueError where its weights are not given by sizes."""
-    model.by_size(np.ones(1), {parameter.name: parameter.start for parameter in model.size_parameters})
-    return model
-
-
-__all__: Sequence[str] = ("BookRuns", "ClassCalibration", "calibrate_classes")
+        return (BreaksBySize.of(break_model(name), largest, tank),)
+    found = []
+    for model in BREAK_MODELS:
+        with contextlib.suppress(ValueError):
+            found.append(BreaksBySize.of(model, largest, tank))
+    return tuple(found)

@@ -13,11 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from calibration.estimating.class_calibration import BookRuns, ClassCalibration
-from calibration.estimating.class_fit import ClassFit
-from calibration.estimating.exposure import count, sojourns
+from calibration.estimating.class_calibration import BookRuns, ClassCalibration, ClassFit
 from kinetics.assembly import Derivation
-from kinetics.network import Tank
 from kinetics.rates import class_keys
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints
@@ -72,11 +69,9 @@ def class_spreads(books: Iterable[BookRuns], calibration: ClassCalibration, seed
     """
     known: dict[tuple[str, str], dict[Hashable, Floats]] = {}
     for derivation, paths in books:
-        for fit in (calibration.chosen_joins, calibration.chosen_breaks):
-            if fit is None:
-                continue
+        for fit in calibration.chosen:
             keys = [_only_key(fit, ways) for ways in derivation.events.values()]
-            totals = sum((_counted(fit, derivation, path) for path in paths), start=np.zeros((len(keys), 2)))
+            totals = sum((_counted(fit, path) for path in paths), start=np.zeros((len(keys), 2)))
             properties = [_properties(derivation, event) for event in derivation.events]
             for key, found, row in zip(keys, properties, totals, strict=True):
                 if key is not None and row[1] > 0:
@@ -123,7 +118,7 @@ def flagged(spreads: Sequence[ClassSpread], level: float = LEVEL) -> tuple[Class
 
 def _only_key(fit: ClassFit, ways: Iterable[Any]) -> str | None:
     """The constant of a channel; None where it is of another kind, or has several."""
-    known = {key for c in ways if c.event == fit.evidence.event for key in class_keys(c) if key in fit.keys}
+    known = {key for c in ways for key in class_keys(c) if key in fit.channels}
     return known.pop() if len(known) == 1 else None
 
 
@@ -138,25 +133,12 @@ def _properties(derivation: Derivation, event: Any) -> tuple[str, str, int]:
     return f"{derivation.book.name} {species[largest]}", " + ".join(map(str, sizes)), bonds
 
 
-def _counted(fit: ClassFit, derivation: Derivation, path: JumpPath) -> Floats:
+def _counted(fit: ClassFit, path: JumpPath) -> Floats:
     """Events and exposure (R, 2) of each channel, ways counted, in the tank of the fit."""
-    here: Tank | None = fit.evidence.tank
-    if fit.breaks is None:
-        seen = count(path)
-        rarer = 1.0 if here is None or path.tank is None else here.dilution(path.tank)
-        return np.column_stack([seen.events, rarer * seen.exposure])
-    begin, end, _ = sojourns(path)
-    sizes = np.array([len(s) for s in derivation.structures.values()])
-    bodies, wall, alone = fit.breaks.by_size(sizes.astype(float), fit.shape)
-    rarer, walls = 1.0, 1.0
-    if here is not None and path.tank is not None:
-        rarer, walls = here.dilution(path.tank), here.wall_factor(path.tank)
-    weight = rarer * (path.states @ bodies) + walls * wall + alone  # of all partners in each state, (E + 1,)
-    held = path.states.T @ ((end - begin) * weight) - rarer * bodies * (path.states.T @ (end - begin))
-    whole = np.array([event.before[0] for event in derivation.events])
-    ways = derivation.network.ways * path.open_channels
-    fired = np.bincount(path.channels[path.channels != RESTART], minlength=whole.size)
-    return np.column_stack([fired, ways * held[whole]])
+    exposures, _ = fit.model.collected(path, np.zeros(0, dtype=np.int64))
+    weights = fit.model.mixture()
+    fired = np.bincount(path.channels[path.channels != RESTART], minlength=len(path.network.channels))
+    return np.column_stack([fired, exposures[0] if weights is None else weights[0] @ exposures])
 
 
 def _tested(key: str, by: str, groups: tuple[str, ...], table: Floats, rng: np.random.Generator) -> ClassSpread:

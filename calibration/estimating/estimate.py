@@ -258,9 +258,9 @@ def prior_of(channel: str, network: Network, events: ArrayLike, exposures: Array
     events, exposures : (R,) of all channels; of joins, or of breaks, they are pooled
     ValueError: a channel that is neither, or a group of which no channel was measured.
     """
-    seen, watched = np.asarray(events, dtype=float), np.asarray(exposures, dtype=float)
+    seen, observed = np.asarray(events, dtype=float), np.asarray(exposures, dtype=float)
     for group, members in joins_and_breaks(network).items():
-        total = float(watched[members].sum())
+        total = float(observed[members].sum())
         if members[network.channel_places[channel]] and total > 0:
             shape, rate = jeffreys_posterior(float(seen[members].sum()), total)
             exposure = 0.5 * rate / shape  # half an event at the mean of the group

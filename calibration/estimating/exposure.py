@@ -6,9 +6,8 @@ arrays counted here are sufficient. Competing channels and censored waits enter 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import pairwise
 from math import fsum
 from typing import NamedTuple
 
@@ -17,7 +16,6 @@ import numpy as np
 from kinetics.network import Network, Tank
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints, integers, reals
-from kinetics.support.tables import in_unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,20 +61,31 @@ class Exposure:
         return Exposure(self.network, self.events + more.events, self.exposure + more.exposure, self.tank)
 
     def in_tank(self, tank: Tank | None) -> Exposure:
-        """The same events for rate constants of another tank: n bodies meet volume^-(n - 1) times as often.
-
-        ValueError: one of the two tanks is not known.
-        """
+        """These events, with the exposure for rate constants of another tank. ValueError: a tank is not known."""
         if tank == self.tank:
             return self
-        if tank is None or self.tank is None:
-            raise ValueError("some runs state their tank and others do not; state it for all of them, or for none")
-        order = np.zeros(self.exposure.size)
-        np.add.at(order, self.network.sparse_reactants.rows, self.network.sparse_reactants.copies)
-        return Exposure(self.network, self.events, self.exposure * tank.dilution(self.tank) ** (order - 1), tank)
+        return Exposure(self.network, self.events, self.exposure * meetings(self.network, self.tank, tank), tank)
 
     def __radd__(self, other: object) -> Exposure:
         return self if other == 0 else NotImplemented  # so that sum() works
+
+
+def meetings(network: Network, measured: Tank | None, wanted: Tank | None) -> Floats:
+    """Factors (R,) from exposures in one tank to those in another: n bodies meet volume^-(n - 1) times as often.
+
+    ValueError: one of the two tanks is not known.
+    """
+    if measured is None or wanted is None:
+        raise ValueError("some runs state their tank and others do not; state it for all of them, or for none")
+    order = np.zeros(len(network.channels))
+    np.add.at(order, network.sparse_reactants.rows, network.sparse_reactants.copies)
+    return np.asarray(wanted.dilution(measured) ** (order - 1))
+
+
+def require_tanks(paths: Iterable[JumpPath]) -> None:
+    """ValueError where only some of the runs state their tank."""
+    if len({path.tank is None for path in paths}) > 1:
+        raise ValueError("some runs state their tank and others do not; state it for all of them, or for none")
 
 
 def require_same(first: Network, second: Network) -> None:
@@ -157,41 +166,6 @@ def pooled(exposures: Iterable[Exposure]) -> Exposure:
     tank = runs[0].tank
     total = [fsum(column) for column in np.array([run.in_tank(tank).exposure for run in runs]).T]
     return Exposure(runs[0].network, np.sum([run.events for run in runs], axis=0), np.array(total), tank)
-
-
-def by_age(paths: Iterable[JumpPath], edges: Sequence[float]) -> dict[str, Exposure]:
-    """Events and exposure by age, cut at `edges` (tu, rising), to see whether rates change after a start or restart.
-
-    Returns the ages, in words -> `Exposure`. ValueError: no paths, or edges that do not rise
-
-    >>> from calibration import by_age
-    >>> from kinetics import JumpPath, Network
-    >>> decay = Network.from_text("decay: A -> 0, 1")
-    >>> path = JumpPath(decay, {"A": 2}, times=[0.5], channels=[0], end=3.0)
-    >>> {ages: seen.events.tolist() for ages, seen in by_age([path], [0.0, 1.0, 3.0]).items()}
-    {'0-1': [1], '1-3': [0]}
-    """
-    runs = list(paths)
-    unit = runs[0].network.time_unit if runs else ""
-    return {in_unit(f"{a:g}-{b:g}", unit): pooled(count(path, (a, b)) for path in runs) for a, b in pairwise(edges)}
-
-
-def by_initial(paths: Iterable[JumpPath]) -> dict[str, Exposure]:
-    """Events and exposure by initial composition, to see whether rate constants depend on it.
-
-    Returns the composition, in words -> `Exposure`.
-
-    >>> from calibration import by_initial
-    >>> from kinetics import JumpPath, Network
-    >>> decay = Network.from_text("decay: A -> 0, 1")
-    >>> paths = [JumpPath(decay, {"A": n}, times=[0.5], channels=[0], end=0.5) for n in (2, 3, 3)]
-    >>> {start: seen.events.tolist() for start, seen in by_initial(paths).items()}
-    {'2 A': [1], '3 A': [2]}
-    """
-    groups: dict[str, list[Exposure]] = {}
-    for path in paths:
-        groups.setdefault(composition(path), []).append(count(path))
-    return {name: pooled(group) for name, group in groups.items()}
 
 
 def composition(path: JumpPath) -> str:

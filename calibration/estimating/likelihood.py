@@ -14,17 +14,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.estimating.exposure import require_same, sojourns
+from calibration.estimating.grouping import Grouping
 from calibration.estimating.mixed_evidence import MixedEvidence
-from calibration.estimating.named_partners import of_the_named
 from calibration.estimating.rate_model import RateModel
 from calibration.estimating.shape_search import least
-from kinetics.runs import JumpPath
+from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints
 
 STEPS = 100  # of Newton; five to ten are usual
 SCATTERED = 128  # shapes tried at first
 RIDGE = 1e-10  # times the events, added to the curvature
+ROUNDS = 1000  # of expectation maximisation, at most
+EXACT = 1e-9  # of all events: what it may still move
 ROUNDING = 1e-12  # loss of log-likelihood an event that no step is shortened for
 
 
@@ -46,12 +47,12 @@ class Evidence:
             return float(np.log(self.at_events @ k).sum() - self.exposure @ k)
 
     @cached_property
-    def highest(self) -> tuple[Floats, float]:
+    def mle(self) -> tuple[Floats, float]:
         """Coefficients (P,) >= 0 of largest likelihood, nan without exposure; and that likelihood's logarithm."""
-        return self.highest_with({})
+        return self.mle_with({})
 
-    def highest_with(self, held: Mapping[int, float]) -> tuple[Floats, float]:
-        """The same with some coefficients (term -> value) as given."""
+    def mle_with(self, held: Mapping[int, float]) -> tuple[Floats, float]:
+        """Coefficients of largest likelihood with some (term -> value) as given, and the likelihood's logarithm."""
         best = np.where(self.exposure > 0, 0.0, np.nan)
         best[list(held)] = list(held.values())
         free = [p for p in np.flatnonzero(self.exposure > 0) if p not in held]
@@ -62,7 +63,7 @@ class Evidence:
 
 
 class _OfPath(NamedTuple):
-    """Of one path: exposure (P, R') to each part, the channels (n,) that fired, and parts (n, P) at these events."""
+    """Of one path: exposure (P, L) of each sort of channel, sorts (n,) that fired, and parts (n, P) at these events."""
 
     exposure: Floats
     fired: Ints
@@ -70,87 +71,128 @@ class _OfPath(NamedTuple):
 
 
 class Maximum(NamedTuple):
-    """Parameters of largest likelihood. model : with its shape; coefficients : (P, R') of the fitted channels."""
+    """Parameters of largest likelihood.
+
+    model : with its shape; coefficients : (P, K) of the constants, nan without exposure
+    events : (K,) of each constant, those of channels with several shared out
+    """
 
     log_likelihood: float
     model: RateModel
     coefficients: Floats
+    events: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class PathLikelihood:
-    """Log-likelihood of the firings of some channels in paths of one network, under a model of rates.
+    """Log-likelihood of the firings of some channels in paths, under a model of rates.
 
-    channels : indices of these channels; what the others do is given
+    grouping : the channels, and the constants that they have; what other channels do is given
 
     Cost: one pass over the paths a set of shape parameters; one in all where the shape only weights parts (`mixture`).
     """
 
     model: RateModel
     paths: tuple[JumpPath, ...]
-    channels: tuple[int, ...]
+    grouping: Grouping
     _known: dict[Hashable, list[_OfPath]] = field(default_factory=dict, repr=False)
     _pooled: dict[Hashable, list[Evidence]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         for path in self.paths:
-            require_same(self.paths[0].network, path.network)
+            self.grouping.sorts_of(path.network)
 
-    def among(self, chosen: Sequence[int]) -> PathLikelihood:
-        """That of some of the paths, by number; nothing is collected anew."""
+    def subset(self, chosen: Sequence[int]) -> PathLikelihood:
+        """The likelihood of some of the paths, by number; nothing is collected anew."""
         known = {key: [each[i] for i in chosen] for key, each in self._known.items()}
-        return PathLikelihood(self.model, tuple(self.paths[i] for i in chosen), self.channels, known)
+        return PathLikelihood(self.model, tuple(self.paths[i] for i in chosen), self.grouping, known)
+
+    def of(self, model: RateModel, grouping: Grouping) -> PathLikelihood:
+        """The likelihood of the same paths under another model and other constants of the same sorts of channels.
+
+        What both models need of the paths alike (`cache_key`) is collected once.
+        """
+        return PathLikelihood(model, self.paths, grouping, self._known)
+
+    @property
+    def channels(self) -> tuple[int, ...]:
+        """Positions of the channels, each of which has its own constant; ValueError where constants are shared."""
+        network = self.paths[0].network
+        if any(key not in network.channel_places for key in self.grouping.keys):
+            raise ValueError("constants that channels share belong to no channel; group by channel")
+        return tuple(network.channel_places[key] for key in self.grouping.keys)
 
     def evidence(self, model: RateModel) -> list[Evidence]:
-        """One a channel, under the model with this shape."""
+        """One a constant, under the model with this shape."""
         parts, weights = self.parts(model), model.mixture()
         if weights is None:
             return parts
         return [Evidence(e.at_events @ weights.T, weights @ e.exposure) for e in parts]
 
     def parts(self, model: RateModel) -> list[Evidence]:
-        """One a channel, in the parts that the model mixes to terms."""
-        key = model.collected_as
+        """One a constant, in the parts that the model mixes to terms; events of several constants are in none."""
+        key = model.cache_key
         if key not in self._pooled:
             self._pooled.clear()  # one at a time: a search does not come back
-            self._pooled[key] = self._collected(model)
+            fired, at_events = self._events(model)
+            of = np.where(np.count_nonzero(self.grouping.shares, axis=1) == 1, self.grouping.shares.argmax(axis=1), -1)
+            exposure = self._exposure(model)
+            self._pooled[key] = [Evidence(at_events[of[fired] == k], e) for k, e in enumerate(exposure.T)]
         return self._pooled[key]
 
-    @cached_property
-    def mixed(self) -> MixedEvidence | None:
-        """Of all channels together, where the shape only weights parts and every channel has one coefficient."""
+    def exposure(self, model: RateModel) -> Floats:
+        """Exposure (K, P) of each constant to each part."""
+        return np.ascontiguousarray(self._exposure(model).T)
+
+    def _exposure(self, model: RateModel) -> Floats:
+        total = np.sum([one.exposure for one in self._collected(model)], axis=0)
+        return np.asarray(total @ self.grouping.shares)
+
+    def mixed(self, events: Floats) -> MixedEvidence | None:
+        """Of all constants together, where the shape only weights parts and every constant has one coefficient.
+
+        events : (K,) of each constant
+        """
         if self.model.mixture() is None or len(self.model.terms) > 1:
             return None
-        parts = self.parts(self.model)
-        return MixedEvidence.of([part.at_events for part in parts], [part.exposure for part in parts])
+        if self.model.cache_key not in self._mixtures:
+            each, copies = np.unique(self._events(self.model)[1], axis=0, return_counts=True)
+            self._mixtures[self.model.cache_key] = each, copies, self.exposure(self.model)
+        return MixedEvidence(*self._mixtures[self.model.cache_key], events)
 
-    def _collected(self, model: RateModel) -> list[Evidence]:
-        key = model.collected_as
+    @cached_property
+    def _mixtures(self) -> dict[Hashable, tuple[Floats, Ints, Floats]]:
+        return {}
+
+    def _events(self, model: RateModel) -> tuple[Ints, Floats]:
+        """Sorts (n,) of all events, and parts (n, P) at them."""
+        each = self._collected(model)
+        return np.concatenate([one.fired for one in each]), np.concatenate([one.at_events for one in each])
+
+    def _collected(self, model: RateModel) -> list[_OfPath]:
+        key = model.cache_key
         if key not in self._known:
             self._known.clear()
             self._known[key] = [self._of_path(model, path) for path in self.paths]
-        each = self._known[key]
-        exposure = np.sum([one.exposure for one in each], axis=0)
-        events, fired = np.concatenate([one.at_events for one in each]), np.concatenate([one.fired for one in each])
-        return [Evidence(events[fired == c], exposure[:, i]) for i, c in enumerate(self.channels)]
+        return self._known[key]
 
     def _of_path(self, model: RateModel, path: JumpPath) -> _OfPath:
-        chosen = list(self.channels)
-        begin, end, origin = sojourns(path)
-        terms = model.combinations(path)
-        waits = model.elapsed(begin, end, origin)
-        gathered = np.array([path.network.ways * (waits @ h) for h in terms])
-        rows = np.flatnonzero(np.isin(path.channels, chosen))
-        fired = path.channels[rows]
-        speed = model.speed(path.times[rows] - origin[rows])
-        at_events = np.array([path.network.ways[fired] * h[rows, fired] * speed for h in terms]).T
-        named = model.named_parts(path)
-        if named is not None:
-            at_events = of_the_named(at_events, named[rows])
-        return _OfPath((gathered * path.open_channels)[:, chosen], fired, at_events)
+        sorts = self.grouping.sorts_of(path.network)
+        chosen = sorts >= 0
+        rows = np.flatnonzero((path.channels != RESTART) & chosen[path.channels])
+        integrals, at_events = model.collected(path, rows)
+        most = len(self.grouping.shares)
+        exposure = np.array([np.bincount(sorts[chosen], row[chosen], minlength=most) for row in integrals])
+        return _OfPath(exposure, sorts[path.channels[rows]], at_events)
+
+    @cached_property
+    def counts(self) -> Floats:
+        """Events (L,) of each sort of channel."""
+        fired = [self.grouping.sorts_of(p.network)[p.channels[p.channels != RESTART]] for p in self.paths]
+        return np.sum([np.bincount(f[f >= 0], minlength=len(self.grouping.shares)) for f in fired], axis=0, dtype=float)
 
     def value(self, coefficients: Floats) -> float:
-        """Log-likelihood of coefficients (P, R') under the model as it is."""
+        """Log-likelihood of coefficients (P, K) under the model as it is."""
         evidence = self.evidence(self.model)
         return sum(e.log_likelihood(k) for e, k in zip(evidence, coefficients.T, strict=True))
 
@@ -161,33 +203,86 @@ class PathLikelihood:
         near: Mapping[str, float] | None = None,
     ) -> Maximum:
         """Largest log-likelihood, with shape parameters in `fixed` as given and, of `held`, one coefficient: term,
-        position among the channels, value. The search starts at the shape `near`; None: at that of the model."""
-        fixed = fixed or {}
+        position among the constants, value. The search starts at the shape `near`; None: at that of the model."""
+        if self.grouping.is_mixed:
+            if held is not None:
+                raise ValueError("events of several constants are shared out; no coefficient can be held at a value")
+            return self._shared_out(fixed or {}, near)
+        events = self.counts @ self.grouping.shares
+        model = self._shaped(events, fixed or {}, held, near)
+        return self._at(model, events, held)
+
+    def _at(self, model: RateModel, events: Floats, held: tuple[int, int, float] | None) -> Maximum:
+        """Largest log-likelihood of the coefficients, given the shape."""
+        best = [
+            e.mle_with({held[0]: held[2]}) if held and held[1] == i else e.mle
+            for i, e in enumerate(self.evidence(model))
+        ]
+        return Maximum(sum(value for _, value in best), model, np.array([k for k, _ in best]).T, events)
+
+    def _shaped(
+        self,
+        events: Floats,
+        fixed: Mapping[str, float],
+        held: tuple[int, int, float] | None = None,
+        near: Mapping[str, float] | None = None,
+    ) -> RateModel:
+        """The model with the shape of largest likelihood, given the events of each constant."""
         free = [parameter for parameter in self.model.shape if parameter.name not in fixed]
-        mixed = self.mixed if free else None
+        mixed = self.mixed(events) if free else None
         held_here = None if held is None else held[1:]
 
         def with_shape(values: Sequence[float]) -> RateModel:
             shape = {parameter.name: float(value) for parameter, value in zip(free, values, strict=True)}
             return self.model.with_shape(shape | dict(fixed))
 
-        def at(values: Sequence[float]) -> Maximum:
-            model = with_shape(values)
-            best = [
-                e.highest_with({held[0]: held[2]}) if held and held[1] == i else e.highest
-                for i, e in enumerate(self.evidence(model))
-            ]
-            return Maximum(sum(value for _, value in best), model, np.array([k for k, _ in best]).T)
-
         def costs(table: Floats) -> Floats:
             if mixed is None:
-                return np.array([-at(values).log_likelihood for values in table.tolist()])
+                return np.array([-self._at(with_shape(row), events, held).log_likelihood for row in table.tolist()])
             weights = np.concatenate([np.array(with_shape(values).mixture()) for values in table.tolist()])
-            return -mixed.highest(weights, held_here)
+            return -mixed.mle(weights, held_here)
 
         start = self.model.shape_values if near is None else near
         scattered = SCATTERED if mixed is not None and near is None else 0  # elsewhere each costs a pass over the paths
-        return at(least(free, [start[parameter.name] for parameter in free], costs, scattered))
+        return with_shape(least(free, [start[parameter.name] for parameter in free], costs, scattered))
+
+    def _shared_out(self, fixed: Mapping[str, float], near: Mapping[str, float] | None) -> Maximum:
+        """Where channels have several constants each takes its expected part of their events, and again until it stays.
+
+        This is expectation maximisation (Dempster, Laird & Rubin 1977, J. R. Stat. Soc. B 39, 1), which converges to
+        the largest likelihood. ValueError: a model of several coefficients, or whose shape does more than weight parts.
+        """
+        if len(self.model.terms) > 1 or (self.model.shape and self.model.mixture() is None):
+            raise ValueError(f"{self.model.name}: events of several constants are shared out for one coefficient each")
+        shares, model, near_here = self.grouping.shares, self.model, near
+        parts = self.exposure(model)
+
+        def expected(constants: Floats) -> Floats:
+            """Events (K,) of each constant."""
+            each = shares * constants
+            total = each.sum(axis=1, keepdims=True)
+            return self.counts @ np.divide(each, total, out=np.zeros_like(each), where=total > 0)
+
+        enough = EXACT * self.counts.sum()
+        events = expected(np.ones(len(self.grouping.keys)))
+        for _ in range(ROUNDS):
+            before = events
+            model = self._shaped(events, fixed, near=near_here)
+            near_here = model.shape_values
+            weights = model.mixture()
+            exposure = parts[:, 0] if weights is None else parts @ weights[0]
+            for _ in range(ROUNDS):
+                constants = np.divide(events, exposure, out=np.zeros(exposure.size), where=exposure > 0)
+                last, events = events, expected(constants)
+                if np.abs(events - last).max(initial=0.0) <= enough:
+                    break
+            if np.abs(events - before).max(initial=0.0) <= enough:
+                break
+        fired, at_events = self._events(model)
+        mixed = at_events[:, 0] if weights is None else at_events @ weights[0]
+        with np.errstate(divide="ignore"):
+            value = float(np.log((shares @ constants)[fired] * mixed).sum() - exposure @ constants)
+        return Maximum(value, model, np.where(exposure > 0, constants, np.nan)[None], events)
 
 
 def _maximum(x: Floats, exposure: Floats, given: Floats) -> Floats:

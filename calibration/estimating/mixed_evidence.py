@@ -6,7 +6,6 @@ left depends on the weights alone: sum over events of log(h w) - sum over channe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,26 +22,15 @@ class MixedEvidence:
     at_events : (n, P) parts at the events, per unit of the coefficient, events with equal parts once
     copies : (n,) how many events have these
     exposure : (R', P) integrals of the parts over the time that each channel was open
-    events : (R',) firings of each channel; parts of one where it is shared out
+    events : (R',) firings of each channel; not whole where those of channels with several constants are shared out
     """
 
     at_events: Floats
     copies: Ints
     exposure: Floats
-    events: Ints | Floats
+    events: Floats
 
-    @classmethod
-    def of(cls, at_events: Sequence[Floats], exposures: Sequence[Floats]) -> MixedEvidence:
-        """From the parts (n_c, P) at the events of each channel, and its exposure (P,) to each."""
-        each, copies = np.unique(np.concatenate(at_events), axis=0, return_counts=True)
-        return cls(
-            each,
-            copies,
-            np.array(exposures),
-            np.array([len(of_channel) for of_channel in at_events]),
-        )
-
-    def highest(self, weights: Floats, held: tuple[int, float] | None = None) -> Floats:
+    def mle(self, weights: Floats, held: tuple[int, float] | None = None) -> Floats:
         """Largest log-likelihood (...) at weights (..., P); of `held`, position and value, a coefficient is given.
 
         Exact; -inf where an event that happened could not. Cost: a logarithm an event and set of weights.

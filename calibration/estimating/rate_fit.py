@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from calibration.estimating.exposure import sojourns
+from calibration.estimating.grouping import Grouping
 from calibration.estimating.likelihood import Maximum, PathLikelihood
 from calibration.estimating.rate_model import RateModel
 from kinetics.rates.breaks import ShapeParameter
@@ -20,6 +21,10 @@ from kinetics.support.tables import figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+CLOSE = 2.0  # of AIC: within it of the smallest, the fit with the fewest parameters is taken
+Fit = TypeVar("Fit", bound="RateFit")
 
 
 class ImpossibleEventError(ValueError):
@@ -87,8 +92,8 @@ class RateFit(Shown):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Names of the fitted channels."""
-        return tuple(self.likelihood.paths[0].network.channels[c] for c in self.likelihood.channels)
+        """Names of the fitted channels, or of the constants that they share."""
+        return self.likelihood.grouping.keys
 
     @cached_property
     def parameters(self) -> dict[str, float]:
@@ -195,14 +200,14 @@ class RateFit(Shown):
                 f"{self.free_parameters}; expected the smaller model"
             )
         mine, other = self.likelihood, smaller.likelihood
-        if mine.channels != other.channels or [*map(id, mine.paths)] != [*map(id, other.paths)]:
+        if mine.grouping.keys != other.grouping.keys or [*map(id, mine.paths)] != [*map(id, other.paths)]:
             raise ValueError("the two models were fitted to other paths or channels; fit both to the same ones")
         statistic = max(2 * (self.log_likelihood - smaller.log_likelihood), 0.0)
         return LikelihoodRatio(statistic, freedom, float(chdtrc(freedom, statistic)))
 
     def score(self, paths: Iterable[JumpPath]) -> float:
         """Log-likelihood of other paths, such as held-out ones, at these estimates; -inf if impossible."""
-        others = PathLikelihood(self.model, tuple(paths), self.likelihood.channels)
+        others = PathLikelihood(self.model, tuple(paths), self.likelihood.grouping)
         return others.value(self.best.coefficients)
 
     def integrated_hazards(self, path: JumpPath) -> Floats:
@@ -285,7 +290,7 @@ def fit_rates(
             raise ValueError(f"unknown shape parameter {name!r}; {model.name} has {', '.join(ranges) or 'none'}")
         if not ranges[name].low <= value <= ranges[name].high:
             raise ValueError(f"{name} = {value}; expected {ranges[name].low:g} to {ranges[name].high:g}")
-    likelihood = PathLikelihood(model, runs, tuple(names.index(name) for name in chosen))
+    likelihood = PathLikelihood(model, runs, Grouping.by_channel(runs[0].network, chosen))
     best = likelihood.maximum(fixed)
     if not np.isfinite(best.log_likelihood):
         raise ImpossibleEventError(f"an event happened that {model.name} calls impossible; take another model of rates")
@@ -318,6 +323,18 @@ def compare_fits(fits: Sequence[RateFit]) -> list[dict[str, Any]]:
         }
         for fit in fits
     ]
+
+
+def simplest(fits: Sequence[Fit]) -> Fit:
+    """The fit with the fewest parameters whose AIC is within 2 of the smallest; of two alike, the smaller AIC.
+
+    ImpossibleEventError: every fit calls something impossible that was seen.
+    """
+    possible = [fit for fit in fits if np.isfinite(fit.aic)]
+    if not possible:
+        raise ImpossibleEventError("an event happened that every break model calls impossible; take another one")
+    least = min(fit.aic for fit in possible)
+    return min((fit for fit in possible if fit.aic <= least + CLOSE), key=lambda fit: (fit.free_parameters, fit.aic))
 
 
 def _crossing(spare: Callable[[float], float], best: float, bound: float, step: float) -> float:

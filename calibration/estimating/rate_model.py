@@ -8,11 +8,11 @@ from dataclasses import replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibration.estimating.exposure import sojourns
 from kinetics.rates.breaks import ShapeParameter
 from kinetics.runs import JumpPath
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, Ints
 
 
 class RateModel(ABC):
@@ -32,10 +32,10 @@ class RateModel(ABC):
     3. where rates depend on the age, give `speed` and its integral, `elapsed`;
     4. import it in `calibration.estimating.models`: tests/contracts/test_estimators.py then tests it.
 
-    >>> from calibration import RATE_MODELS, rate_model
+    >>> from calibration import RATE_MODELS, Weibull
     >>> {model.name: (model.terms, list(model.shape_values)) for model in RATE_MODELS}
     {'mass-action': (('k',), []), 'weibull': (('k',), ['kappa']), 'crowded': (('k', 'c'), [])}
-    >>> rate_model("weibull").with_shape({"kappa": 2.0}).elapsed(begin=1.0, end=3.0, origin=0.0).item()  # 3^2 - 1^2
+    >>> Weibull(kappa=2.0).elapsed(begin=1.0, end=3.0, origin=0.0).item()  # 3^2 - 1^2
     8.0
     """
 
@@ -50,9 +50,18 @@ class RateModel(ABC):
         The parts are the terms, unless there is a `mixture`.
         """
 
-    def named_parts(self, path: JumpPath) -> NDArray[np.bool_] | None:  # noqa: ARG002
-        """The parts (E, parts) that may have caused each event, where the path tells; None where it does not."""
-        return None
+    def collected(self, path: JumpPath, rows: Ints) -> tuple[Floats, Floats]:
+        """Integrals (parts, R) of the propensity's parts over a path, and parts (n, parts) at the events in `rows`.
+
+        Both are per unit of the coefficients, ways counted; a channel that is closed has no integral.
+        """
+        begin, end, origin = sojourns(path)
+        fired = path.channels[rows]
+        waits = self.elapsed(begin, end, origin)
+        speed = self.speed(path.times[rows] - origin[rows])
+        parts = self.combinations(path)
+        integrals = np.array([path.network.ways * (waits @ h) for h in parts]) * path.open_channels
+        return integrals, np.array([path.network.ways[fired] * h[rows, fired] * speed for h in parts]).T
 
     def mixture(self) -> Floats | None:
         """Weights (terms, parts) of the parts in each term; None where the parts are the terms."""
@@ -64,7 +73,7 @@ class RateModel(ABC):
         return parts if weights is None else list(np.tensordot(weights, np.array(parts), axes=1))
 
     @property
-    def collected_as(self) -> Hashable:
+    def cache_key(self) -> Hashable:
         """What the parts depend on: models alike in this share what is collected from the paths."""
         return self
 

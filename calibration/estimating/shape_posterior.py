@@ -24,7 +24,7 @@ SEED = 0
 
 
 def shape_posterior(fit: RateFit) -> ShapePosterior | None:
-    """The posterior in points with probabilities, or None where the fitted break model has no shape that was not held.
+    """The posterior in points with probabilities; None where the fitted break model has no shape that was not held.
 
     Each coefficient b has Jeffreys' prior of a Poisson mean, the number of breaks b E(shape) that the runs should have,
     so that its integral over n breaks is proportional to E^-n: the marginal likelihood of the shape is its profile
@@ -37,13 +37,13 @@ def shape_posterior(fit: RateFit) -> ShapePosterior | None:
 
     Cost: some 10,000 likelihoods for a grid, 30,000 for walkers; a second for 1,000 breaks.
     """
-    model, mixed = fit.model, fit.likelihood.mixed
+    model, mixed = fit.model, fit.likelihood.mixed(fit.best.events)
     if not isinstance(model, BreakRates) or mixed is None:
         return None
     free = [parameter for parameter in model.shape if parameter.name not in fit.fixed]
 
     def log_density(shapes: list[dict[str, float]]) -> Floats:
-        return mixed.highest(np.concatenate([model.with_shape(shape).mixture() for shape in shapes]))
+        return mixed.mle(np.concatenate([model.with_shape(shape).mixture() for shape in shapes]))
 
     return posterior_of(free, model.shape_values, log_density)
 

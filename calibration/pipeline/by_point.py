@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calibration.estimating.estimate import Calibration, estimate
-from calibration.validating.first_times import FirstTimes, compare_first_times
+from calibration.validating.first_times import FirstTimeComparison, compare_first_times
 from kinetics.network import Network
 from kinetics.predicting.over_draws import noise_free_limits
 from kinetics.runs import JumpPath
@@ -51,7 +51,7 @@ class PointRates:
 
     title: str
     calibration: Calibration
-    first: FirstTimes | None = None
+    first: FirstTimeComparison | None = None
     low: float = np.nan
     high: float = np.nan
     rates_from: tuple[str, ...] = ()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +14,6 @@ import numpy as np
 from calibration.estimating.break_comparison import BreakComparison, rates_with_breaks
 from calibration.estimating.diagnosing.diagnosis import Diagnosis
 from calibration.estimating.estimate import Calibration, estimate
-from calibration.estimating.paper import paper_estimate
 from calibration.pipeline.plan import StudyPlan
 from calibration.pipeline.study_runs import assembly_specs, diagnosed, made, problems_of, sound_of
 from kinetics.rates import Rates
@@ -78,11 +76,6 @@ class CalibrationStudy:
         """Are the runs those of a well-mixed Markov chain, whose bonds break as the chosen model says?"""
         return diagnosed(self.sound, None if self.break_models is None else self.break_models.chosen)
 
-    @cached_property
-    def paper_rates(self) -> dict[str, float]:
-        """The paper's own estimator on the same runs."""
-        return paper_estimate([record.path for record in self.sound])
-
     @property
     def cpu_seconds(self) -> float:
         """Of all runs."""
@@ -96,7 +89,6 @@ class CalibrationStudy:
     @cached_property
     def rates(self) -> Rates:
         """The estimates with their evidence, ready to be saved; see `Calibration.rates` for what was not measured."""
-        paper = {name: rate for name, rate in self.paper_rates.items() if math.isfinite(rate)}
         evidence = {
             "scene": self.scene.name,
             "scene_hash": self.scene.fingerprint,
@@ -109,7 +101,6 @@ class CalibrationStudy:
             "cpu_seconds": round(self.cpu_seconds, 1),
             "versions": {name: version(name) for name in ("wellmixed", *self.scene.packages)},
             "doubtful_tests": self.diagnosis.doubtful,
-            "paper_estimator": paper,
         }
         return rates_with_breaks(self.calibration, self.break_models, evidence)
 

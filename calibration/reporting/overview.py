@@ -15,21 +15,17 @@ if TYPE_CHECKING:
     from calibration.estimating.break_comparison import BreakComparison
     from calibration.estimating.diagnosing.diagnosis import Diagnosis
     from calibration.estimating.estimate import Calibration
+    from calibration.observed.study import ObservedStudy
     from calibration.pipeline.bars import Bar
     from calibration.pipeline.calibration_study import CalibrationStudy
     from calibration.pipeline.held_out_study import ValidationStudy
     from calibration.validating.comparison import CrossValidation
     from calibration.validating.events import EventRow
-    from calibration.watched.study import WatchedStudy
 
 NOTABLE = 0.05  # events: a channel with fewer at every size is left out of the figure of events
 ABOUT_RATES = """
 Propensity = rate x ways x combinations of reactants. A rate is pooled events over pooled exposure; its limits are the
 exact 95 % limits of a Poisson count (Garwood 1936), also where nothing was seen.
-"""
-ABOUT_PAPER = """
-The paper's estimator, from means of waiting times (its eqs 12 to 15), stands beside it for comparison; it is biased and
-nothing here uses it.
 """
 ABOUT_DIAGNOSTICS = """
 Each test asks whether one thing that a well-mixed Markov chain assumes is true of the runs, channel by channel; a dash
@@ -68,7 +64,7 @@ spread is judged among simulated groups of as many runs.
 Draw = Callable[[Any], Any]
 
 
-def calibration_report(study: CalibrationStudy | WatchedStudy) -> HtmlReport:
+def calibration_report(study: CalibrationStudy | ObservedStudy) -> HtmlReport:
     """What the calibration runs showed."""
     return HtmlReport(f"Rates of {study.name}", _calibration_parts(study), study.rates.evidence)
 
@@ -87,11 +83,7 @@ def full_report(calibrated: CalibrationStudy, validated: ValidationStudy, tank: 
     return HtmlReport(f"{calibrated.name}: from mechanics to prediction", parts, calibrated.rates.evidence)
 
 
-def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
-    rows, about_rates = study.calibration.table(), ABOUT_RATES
-    if "cubes" in study.calibration.network.conserved:  # the paper's system: other people's have no such estimator
-        rows = [row | {"paper's estimator": study.paper_rates[row["channel"]]} for row in rows]
-        about_rates += ABOUT_PAPER
+def _calibration_parts(study: CalibrationStudy | ObservedStudy) -> list[Part]:
     table3 = Rates.load("table3")
     is_papers_line = set(table3.channels) == set(study.calibration.network.channels)
     about = of_unit("Rate constants", inverse(study.calibration.network.time_unit))
@@ -103,8 +95,8 @@ def _calibration_parts(study: CalibrationStudy | WatchedStudy) -> list[Part]:
     return [
         Heading("Rates"),
         *looks_parts,
-        Text(f"{study.source}. {study.made} {about_rates.strip()} {about_not_seen(study.calibration)}"),
-        ReportTable(f"{about}, per way and combination.", rows, "rates"),
+        Text(f"{study.source}. {study.made} {ABOUT_RATES.strip()} {about_not_seen(study.calibration)}"),
+        ReportTable(f"{about}, per way and combination.", study.calibration.table(), "rates"),
         Chart(
             "Rates per combination of reactants.", partial(study.calibration.plot, references=references), name="forest"
         ),

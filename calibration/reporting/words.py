@@ -9,7 +9,6 @@ IN_WORDS = {
     "rate": "rate k",
     "low": "95 % from",
     "high": "95 % to",
-    "paper's estimator": "by the paper's estimator",
     # break models
     "is_chosen": "chosen",
     "log_likelihood": "log-likelihood",

@@ -11,7 +11,7 @@ import numpy as np
 
 from calibration.estimating.joins_and_breaks import WHOLES
 from calibration.validating.events import EventRow, HeldOutEvents, event_rows
-from calibration.validating.first_times import FirstTimes
+from calibration.validating.first_times import FirstTimeComparison
 from calibration.validating.power import powers
 from calibration.validating.scores import BandShare, Score
 from calibration.validating.single_runs import SingleRuns
@@ -95,7 +95,7 @@ class CrossValidation(Shown):
     run_coverage: BandShare
     groups: int
     scores: tuple[Score, ...]
-    first: FirstTimes | None
+    first: FirstTimeComparison | None
     held_out: HeldOutEvents
     single_runs: SingleRuns
     cost: Cost

@@ -10,8 +10,9 @@ import numpy as np
 
 from kinetics.markov.transient.search import MAX_STATES, TooManyStatesError
 from kinetics.network import Network
-from kinetics.runs import JumpPath
-from kinetics.sampling import Direct, simulate_draws
+from kinetics.network.laws.expression import quoted
+from kinetics.runs import JumpPath, TruncatedRunsError
+from kinetics.sampling import Direct, first_times_of_draws
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import student_interval
 from kinetics.support.shown import ResultTable, Shown, facts, on_axes
@@ -23,11 +24,10 @@ if TYPE_CHECKING:
 DRAWS = 9999  # of the null distribution of the test; the smallest p-value is 1 / (DRAWS + 1)
 CURVE = 401  # points of the predicted curve, from 0 to the horizon
 SAMPLES = 10_000  # SSA runs that stand in for the exact distribution; the error of their curve is 0.005 at most
-PIECE = 1000  # of them at a time, so that they do not fill the memory
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FirstTimes(Shown):
+class FirstTimeComparison(Shown):
     """First-passage times observed in runs beside the predicted distribution; all times in tu.
 
     observed : (n,) first times, nan where there was none by the horizon (censored)
@@ -125,7 +125,7 @@ def compare_first_times(
     first_run: int = 0,
     max_states: int = MAX_STATES,
     horizon: float | None = None,
-) -> FirstTimes:
+) -> FirstTimeComparison:
     """Compare first times of `paths` with the first-passage distribution of `network` from the same initial state.
 
     network : a network with rate constants
@@ -168,7 +168,7 @@ def compare_first_times(
         null = _drawn_levels(network, paths, species, rate_draws, (cells, bounds), seed, first_run + passage.samples)
     distance, p_value = censored_ks_test(levels, curve[-1], null, seed)
     low, high = student_interval(cut, level)
-    return FirstTimes(
+    return FirstTimeComparison(
         species=species,
         observed=times,
         horizon=horizon,
@@ -207,7 +207,7 @@ def _passage(
     network: Network, initial: Ints, species: str, grid: Floats, seed: int, first_run: int, max_states: int
 ) -> _Passage:
     """The exact distribution, or that of SSA runs where the states are too many."""
-    from kinetics.markov.passage import first_passage
+    from kinetics.markov import first_passage
     from kinetics.markov.passage.elimination import TooLargeError
 
     try:
@@ -215,24 +215,24 @@ def _passage(
         return _Passage(exact.cdf, exact.cdf(grid), exact.mean, exact.sd)
     except (TooManyStatesError, TooLargeError):
         pass
-    index = network.index(species)
-    lasting = network.with_rates(network.known_rates * (network.reactants[:, index] == 0))
-    waiting = np.concatenate(
-        [
-            Direct().simulate(lasting, initial, grid, PIECE, seed, first_run=first_run + begin).counts[:, :, index] < 1
-            for begin in range(0, SAMPLES, PIECE)
-        ]
-    )
-    curve = 1.0 - waiting.mean(axis=0)
-    waits = np.trapezoid(waiting.astype(float), grid, axis=1)
+    end = float(grid[-1])
+    found = Direct().simulate(network, initial, end, SAMPLES, seed, first_run=first_run, until=_present(species))
+    if found.truncated is not None:
+        raise TruncatedRunsError(found.truncated)
+    curve = np.searchsorted(np.sort(found.observed[found.is_reached]), grid, side="right") / SAMPLES
     return _Passage(
         cdf=lambda times: np.interp(times, grid, curve),
         curve=curve,
         mean=float("nan"),
         sd=float("nan"),
-        mean_error=float(waits.std(ddof=1) / np.sqrt(SAMPLES)),
+        mean_error=float(found.observed.std(ddof=1) / np.sqrt(SAMPLES)),
         samples=SAMPLES,
     )
+
+
+def _present(species: str) -> str:
+    """The condition that there is a copy of a species."""
+    return f"{quoted(species)} >= 1"
 
 
 def _drawn_levels(
@@ -251,16 +251,22 @@ def _drawn_levels(
     A run's level is drawn evenly from the cell in which its first copy came: exact where the draw is the point rates.
     """
     times, bounds = cells
-    index, n = network.index(species), len(paths)
+    n = len(paths)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
-    # With nothing that uses up the species, it is there at a time if and only if it has come by then.
-    stays = network.reactants[:, index] == 0
     levels = np.empty((len(rate_draws), n))
-    made = simulate_draws(
-        network, rate_draws * stays, paths[0].initial, times, n, seed, method=Direct(), first_run=first_run
+    made = first_times_of_draws(
+        network,
+        rate_draws,
+        paths[0].initial,
+        _present(species),
+        times[-1],
+        n,
+        seed,
+        method=Direct(),
+        first_run=first_run,
     )
-    for g, counts in enumerate(made):
-        cell = (counts[:, :, index] < 1).sum(axis=1)
+    for g, first in enumerate(made):
+        cell = np.searchsorted(times, first)
         lower = bounds[np.maximum(cell - 1, 0)]
         upper = bounds[cell]
         levels[g] = np.where(np.isfinite(upper), lower + rng.random(n) * (upper - np.minimum(lower, upper)), np.inf)

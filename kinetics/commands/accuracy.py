@@ -1,29 +1,30 @@
-"""`wellmixed accuracy kinetics`: the error of every prediction method against its CPU time."""
+"""`wellmixed trust accuracy kinetics`: the error of every prediction method against its CPU time."""
 
 from __future__ import annotations
 
 import click
 import numpy as np
 
-from kinetics.commands.start import start
+from kinetics.commands.models import applied, conditions, described
+from kinetics.support.cli.failures import INTERRUPTED
 from kinetics.support.cli.options import (
     DURATION,
-    AskedStart,
+    ModelOptions,
     csv_option,
     echo_json,
     json_option,
+    model_options,
     plot_option,
     seed_option,
-    starting_options,
 )
-from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
 
 TIMES = 101  # at which distributions are compared
 
 
 @click.command()
-@starting_options
+@model_options
 @click.option(
     "--duration",
     metavar="T",
@@ -45,7 +46,7 @@ TIMES = 101  # at which distributions are compared
 @seed_option
 @json_option
 def kinetics(
-    asked: AskedStart,
+    asked: ModelOptions,
     duration: float,
     budget: float,
     csv_files: tuple[str, ...],
@@ -64,12 +65,14 @@ def kinetics(
 
     if not 0 < duration < np.inf:
         raise ValueError(f"--duration {duration:g}; expected a positive number of tu")
-    begin = start(**asked._asdict())
-    network = begin.model.network
-    counts = ", ".join(f"{name}={n}" for name, n in zip(network.species, begin.state.tolist(), strict=True) if n)
+    given = described(asked)
+    model = applied(*given)
+    counts = ", ".join(
+        f"{name}={n}" for name, n in zip(model.network.species, model.initial.tolist(), strict=True) if n
+    )
     with progress_line() as progress:
         made = measure(
-            f"{asked.source}, {counts}", network, begin.state, np.linspace(0.0, duration, TIMES), seed=seed,
+            f"{asked.source}, {counts}", model, None, np.linspace(0.0, duration, TIMES), seed=seed,
             budget=60 * budget, report=lambda text: click.echo(text, err=as_json), progress=progress,
         )  # fmt: skip
     for csv_file in csv_files:
@@ -80,7 +83,7 @@ def kinetics(
 
         save(plot_file, lambda ax: draw(made, ax), size=(8.0, 5.0))
     if as_json:
-        echo_json({"rates": asked.rates_name, "convention": begin.convention, **begin.conditions, **made.as_dict()})
+        echo_json({"rates": asked.rates_name, **conditions(*given), **made.as_dict()})
     else:
         click.echo(str(made))
     if not made.is_complete:

@@ -1,4 +1,4 @@
-"""`wellmixed ask`: exact answers about a Markov chain, each with its limits."""
+"""`wellmixed ask`: exact answers about a Markov chain, each with its bounds."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from kinetics.commands.start import instead_of_many_states, start
+from kinetics.commands.models import applied, described, instead_of_many_states
 from kinetics.support.cli.options import (
-    AskedStart,
+    ModelOptions,
+    budget_option,
     echo_json,
     in_a_folder,
     json_option,
-    starting_options,
-    tank_option,
+    model_options,
     within_option,
 )
 from kinetics.support.cli.progress import progress_line
@@ -24,20 +24,20 @@ from kinetics.support.output import write_whole
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from kinetics.formats import NetworkModel
-    from kinetics.markov import Chain, ChainAnswer
+    from kinetics.markov import Chain
     from kinetics.markov.derivatives import Derivatives
+    from kinetics.network import Model
+    from kinetics.support.answer import Answer
 
 MODELS = (".sm", ".prism")
 INSTEAD = (
-    "Follow the chain --within some of them, which gives limits; --stop it where what you ask is decided; start from "
+    "Follow the chain --within some of them, which gives bounds; --stop it where what you ask is decided; start from "
     "fewer copies, raise --max-states if they have an end, or sample by `wellmixed scan`"
 )
 
 
 @click.command()
-@starting_options
-@tank_option
+@model_options
 @click.argument("questions", metavar="QUESTION...", nargs=-1)
 @click.option(
     "--stop",
@@ -66,19 +66,20 @@ INSTEAD = (
     is_flag=True,
     help="Say what each rate constant of a network does to each answer.",
 )
+@budget_option
 @json_option
 def ask(
-    asked: AskedStart,
-    edges: tuple[float, float, float] | None,
+    asked: ModelOptions,
     questions: tuple[str, ...],
     stop: str | None,
     within: str | int | None,
     max_states: int,
     out_file: str | None,
     with_sensitivity: bool,
+    budget: float,
     as_json: bool,
 ) -> None:
-    """Answer exact questions about a Markov chain: probabilities, rewards and what holds in the end, with limits.
+    """Answer exact questions about a Markov chain: probabilities, rewards and the steady state, with bounds.
 
     NETWORK is a rule book, which needs --rates and --cubes, a network file that contains both, or a .tra file as PRISM
     and Storm write it. A QUESTION is one of theirs, such as 'P=? [ F<=100 quadmer >= 1 ]', 'P=? [ a > 0 U b = 3 ]',
@@ -86,7 +87,7 @@ def ask(
     S. Species count as variables and as rewards. Times are in tu.
 
     For F, G and U a chain is followed no further than to where the answer is settled. A network that has no end even
-    so is followed --within some states; limits then hold whatever happens beyond them.
+    so is followed --within some states; the bounds hold for any behaviour outside.
     """
     from kinetics.markov import Sensitivity
     from kinetics.markov.queries import parse
@@ -104,19 +105,21 @@ def ask(
             "--initial": asked.initial,
             "--stop": stop,
         }
-        given |= {"--copies-per-unit": asked.copies_per_unit, "--within": within, "--set": asked.chosen or None}
-        if edges is not None:
-            raise ValueError(f"{asked.source} brings its own rates; leave out --tank")
+        given |= {
+            "--copies-per-unit": asked.copies_per_unit,
+            "--within": within,
+            "--set": asked.chosen or None,
+            "--tank": asked.edges,
+        }
         model = None
         chains: Iterable[tuple[Chain, list[int]]] = [(_from_files(asked.source, given), list(range(len(queries))))]
     else:
-        model = start(**asked._asdict(), edges=edges).model
-        told = model.network, model.initial, model.observables
+        model = applied(*described(asked))
         # What is written is the whole chain, which then answers all questions.
-        chains = answering_chains([] if out_file else queries, *told, stop, within, max_states)
-    found: dict[int, tuple[ChainAnswer, Derivatives | None]] = {}
+        chains = answering_chains([] if out_file else queries, model, stop, within, max_states)
+    found: dict[int, tuple[Answer, Derivatives | None]] = {}
     states = rates = 0
-    with instead_of_many_states(INSTEAD), progress_line() as progress:
+    with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:
         progress("listing states")
         for chain, places in chains:
             if out_file:
@@ -130,7 +133,7 @@ def ask(
     answers = [(text, *found[place]) for place, text in enumerate(questions)]
     if as_json:
         listed = [
-            {"question": text, **vars(answer), "sensitivity": slope and slope.to_dict()}
+            {"question": text, **answer.to_dict(), "sensitivity": slope and slope.to_dict()}
             for text, answer, slope in answers
         ]
         echo_json({"model": asked.source, "states": states, "rates": rates, "answers": listed})
@@ -152,7 +155,7 @@ def _from_files(path: str, given: dict[str, Any]) -> Chain:
     return read_explicit(path)
 
 
-def _write(path: str, chain: Chain, model: NetworkModel | None) -> None:
+def _write(path: str, chain: Chain, model: Model | None) -> None:
     """A chain as explicit files, a network also as a model."""
     from kinetics.markov import prism_text, write_explicit
 
@@ -161,11 +164,11 @@ def _write(path: str, chain: Chain, model: NetworkModel | None) -> None:
         write_explicit(chain, path)
     elif suffix not in MODELS:
         raise ValueError(f"--out {path}: expected a name that ends in .tra, {', '.join(MODELS)}")
-    elif np.any(chain.lost):
+    elif np.any(chain.truncated):
         raise ValueError(f"--out {path}: a model has no edge; leave out --within")
     elif model is None:
         raise ValueError(f"--out {path}: a chain without a network has no model; write it to a .tra file")
     else:
         most = np.asarray(chain.counts)[:, : len(model.network.species)].max(axis=0)
-        text = prism_text(model.network, model.initial, most, model.observables)
+        text = prism_text(model, most)
         write_whole(path, text)

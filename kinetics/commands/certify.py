@@ -8,10 +8,9 @@ from pathlib import Path
 import click
 
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.failures import CHECKED
 from kinetics.support.cli.options import echo_json, json_option
 from kinetics.support.limits import text_in
-
-NOT_CERTIFIED = 1  # exit code
 
 
 @click.command()
@@ -46,4 +45,4 @@ def certify(book: str, certificate: str, steps: int, as_json: bool) -> None:
     else:
         click.echo("\n".join(map(str, claims)))
     if not all(claim.holds for claim in claims):
-        raise SystemExit(NOT_CERTIFIED)
+        raise SystemExit(CHECKED)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import click
 
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.failures import CHECKED, INTERRUPTED
 from kinetics.support.cli.options import echo_json, json_option, plot_option
-from kinetics.support.cli.progress import INTERRUPTED, progress_line
-
-NOT_CORRECT = 1  # exit code
+from kinetics.support.cli.progress import progress_line
 
 
 @click.command()
@@ -80,4 +79,4 @@ def check(
         click.echo(str(report))
     if not report.is_correct:
         is_part = any(finding.text.startswith("interrupted") for finding in report.findings)
-        raise SystemExit(INTERRUPTED if is_part else NOT_CORRECT)
+        raise SystemExit(INTERRUPTED if is_part else CHECKED)

@@ -1,4 +1,4 @@
-"""`wellmixed derive`: the reaction network of a rule book or a network file, shown or written for other programs."""
+"""`wellmixed rules derive`: the reaction network of a rule book or a network file, shown or written to a file."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ from pathlib import Path
 
 import click
 
-from kinetics.commands.start import Start, is_network_file, network_of_book, start
+from kinetics.commands.models import applied, conditions, described, is_network_file, network_of_book
+from kinetics.network import Model
+from kinetics.network.network import channel_rows
 from kinetics.rates.breaks import BREAK_MODELS, Expansion, break_model
 from kinetics.support.cli.options import (
-    AskedStart,
+    ModelOptions,
     OptionToldLate,
     echo_json,
     in_a_folder,
     json_option,
-    starting_options,
+    model_options,
 )
 from kinetics.support.extras import require
 
@@ -28,7 +30,7 @@ def _about_out() -> str:
 
 
 @click.command()
-@starting_options
+@model_options
 @click.option(
     "--out",
     "out_file",
@@ -45,7 +47,7 @@ def _about_out() -> str:
 )
 @json_option
 def derive(
-    asked: AskedStart,
+    asked: ModelOptions,
     out_file: str | None,
     break_name: str | None,
     as_json: bool,
@@ -62,10 +64,12 @@ def derive(
         )
     if out_file and Path(out_file).suffix.lower() in (".xml", ".sbml"):
         require("libsbml")
-    begin: Start | None = None
+    breaks: object = {"model": break_name or "first-order"}
+    model: Model | None = None
     if out_file or is_network_file(asked.source):
-        begin = start(**asked._asdict())
-        network = begin.model.network
+        given = described(asked)
+        model, breaks = applied(*given), conditions(*given)["breaks"]
+        network = model.network
     else:
         network, _ = network_of_book(asked.source)
         if break_name:
@@ -77,23 +81,23 @@ def derive(
             f"{len(network.species)} are {entries} entries each, at most {MOST_ENTRIES} are written; leave --json out, "
             f"and write the network to a file by --out"
         )
-    if out_file and begin:
+    if out_file and model:
         from kinetics.formats import write
 
-        write(begin.model, out_file)
+        write(model, out_file)
         if not as_json:
             click.echo(f"{len(network.species)} species and {len(network.channels)} channels are in {out_file}")
     elif not as_json:
-        click.echo("\n".join([str(network), *(begin.notes if begin else ())]))
+        click.echo("\n".join([str(network), *(model.notes if model else ())]))
     if not as_json:
         return
     titles = ("name", "reaction", "ways")
     echo_json(
         {
             "book": asked.source,
-            "breaks": begin.conditions["breaks"] if begin else {"model": break_name or "first-order"},
+            "breaks": breaks,
             "species": network.species,
-            "channels": [dict(zip(titles, row[:3], strict=True)) for row in network.rows()],
+            "channels": [dict(zip(titles, row[:3], strict=True)) for row in channel_rows(network)],
             "reactants": network.reactants,
             "stoichiometry": network.stoichiometry,
             "ways": network.ways,

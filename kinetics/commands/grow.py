@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from kinetics.runs.truncation import TruncatedRunsError, Truncation
+from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
     NumbersCommand,
     budget_option,
@@ -21,7 +24,7 @@ from kinetics.support.cli.options import (
     seed_option,
     time_grid,
 )
-from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
 from kinetics.support.tables import text_table, with_spread
 
@@ -78,6 +81,14 @@ FRAMES = 8  # of a strip
     "--runs", metavar="N", type=click.IntRange(min=1), default=20, show_default=True, help="Number of independent runs."
 )
 @click.option(
+    "--max-events",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=MAX_EVENTS,
+    show_default=True,
+    help="Most events of a run. Where one would come to more, figures end before it.",
+)
+@click.option(
     "--strip",
     "strips",
     metavar="FILE",
@@ -101,6 +112,7 @@ def grow(
     duration: float | None,
     times: tuple[float, ...],
     runs: int,
+    max_events: int,
     strips: tuple[str, ...],
     csv_files: tuple[str, ...],
     plot_files: tuple[str, ...],
@@ -112,7 +124,8 @@ def grow(
 
     The simulation is statistically exact, as sampling in `predict` is, and works for books that can assemble any number
     of structures. Rates by class come from `calibrate` and are described in docs/class_rates.md. It reports mean and
-    standard deviation over the runs. Ctrl-C keeps the runs that are finished.
+    standard deviation over the runs. Ctrl-C keeps the runs that are finished. Exit code 4: a run was truncated, and
+    there are fewer times than were asked for.
     """
     from kinetics.assembly import RuleBook
     from kinetics.networkfree import grow as make
@@ -127,7 +140,12 @@ def grow(
         )
     end = float(np.max(grid))
     with progress_line(budget=budget):
-        made = make(rules, rates, _start(rules, cubes, seeds), end, runs, seed, draws=draws or 0)
+        made = make(rules, rates, _start(rules, cubes, seeds), end, runs, seed, draws=draws or 0, max_events=max_events)
+    truncated = _truncation(made, grid, max_events) if made.truncated else None
+    if truncated is not None:
+        if truncated.until is None:
+            raise TruncatedRunsError(truncated)
+        grid = grid[grid <= truncated.until]
     cpu_seconds = time.process_time() - began
     for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe(grid).to_csv(index=False))
@@ -143,15 +161,43 @@ def grow(
         strip(made.runs[0].frames(moments), captions, rules.scheme).save(file)
     if as_json:
         asked = {"book": book, "cubes": cubes, "seeds": seeds, "seed": seed, "draws_of_rates": draws}
-        echo_json(asked | _as_data(made, grid) | {"cpu_seconds": cpu_seconds})
+        told = {"truncated": None if truncated is None else truncated.to_dict(), "cpu_seconds": cpu_seconds}
+        echo_json(asked | _as_data(made, grid) | told)
     else:
         click.echo(_table(made, grid))
-        click.echo("\n".join(_notes(made, cpu_seconds)))
+        click.echo("\n".join([*_notes(made, cpu_seconds), *([] if truncated is None else [str(truncated)])]))
     if made.interrupted:
         click.echo(
             f"Interrupted: {len(made.runs)} of {runs} runs were finished, and only these are reported.", err=True
         )
         raise SystemExit(INTERRUPTED)
+    if truncated is not None:
+        raise SystemExit(STOPPED)
+
+
+def _truncation(made: Growths, grid: Floats, most: int) -> Truncation | None:
+    """What to say of runs that made as many events as they may; None where all times asked for came before."""
+    ends = np.array(made.truncated)
+    first, known = int(np.argmin(ends)), np.sort(grid)
+    later = known[known > ends[first]]
+    if not later.size:
+        return None
+    before = known[known <= ends[first]]
+    return Truncation(
+        time=float(ends[first]),
+        run=first,
+        truncated=int((ends < later[0]).sum()),
+        among=len(ends),
+        until=float(before[-1]) if before.size else None,
+        beyond=float(later[0]),
+        end=float(known[-1]),
+        channel="",
+        propensity=0.0,
+        reason="events",
+        events=float(most),
+        max_events=most,
+        time_unit="tu",
+    )
 
 
 def _start(rules: RuleBook, cubes: int, seeds: int | None) -> int | dict[Structure, int]:

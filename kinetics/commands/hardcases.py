@@ -1,4 +1,4 @@
-"""`wellmixed hardcases`: problems on which numerical methods are known to fail, and how ours do on them."""
+"""`wellmixed trust hardcases`: problems on which numerical methods are known to fail, and how ours do on them."""
 
 from __future__ import annotations
 

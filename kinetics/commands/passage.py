@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import click
 import numpy as np
 
-from kinetics.commands.start import Start, instead_of_many_states, start
+from kinetics.commands.models import applied, conditions, described, instead_of_many_states, remarks
 from kinetics.network.sums import Counted, in_words, summed
+from kinetics.support.answer import CONFIDENCE, Answer, kind_of
 from kinetics.support.cli.options import (
-    AskedStart,
+    ModelOptions,
+    budget_option,
     echo_json,
     json_option,
+    model_options,
     plot_option,
     seed_option,
-    starting_options,
-    tank_option,
     within_option,
 )
 from kinetics.support.cli.progress import progress_line, stage
@@ -26,20 +28,20 @@ from kinetics.support.tables import figure, in_unit, of_unit, text_table
 if TYPE_CHECKING:
     from kinetics.markov.derivatives import Derivatives
     from kinetics.markov.passage import Passage
-    from kinetics.network import Network
-    from kinetics.support.arrays import Ints
+    from kinetics.network import Model, Tank
+    from kinetics.rates import BookRates, Rates
 
 MOST = 1_000_000  # states
+MOST_EVENTS = 10_000_000  # of a sampled run without a horizon
 INSTEAD = (
-    "Follow the chain --within some of them, which gives limits; start from fewer copies, or sample by "
-    '`wellmixed scan`, whose question R{"time"}=? [ F ... ] is the mean time'
+    "Follow the chain --within some of them, which gives bounds; start from fewer copies, or sample the time: --method "
+    "ssa"
 )
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
 
 @click.command()
-@starting_options
-@tank_option
+@model_options
 @click.option(
     "--species", metavar="SPECIES", required=True, help="The species to wait for, or an observable of the network file."
 )
@@ -50,6 +52,28 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     default=1,
     show_default=True,
     help="Number of its copies to wait for.",
+)
+@click.option(
+    "--method",
+    type=click.Choice(["exact", "ssa"]),
+    default="exact",
+    show_default=True,
+    help="Solve for the time, or sample it: for networks of any size.",
+)
+@click.option(
+    "--runs",
+    metavar="N",
+    type=click.IntRange(min=2),
+    default=1000,
+    show_default=True,
+    help="Number of independent runs that are sampled.",
+)
+@click.option(
+    "--horizon",
+    metavar="TIME",
+    type=click.FloatRange(min=0, min_open=True),
+    default=np.inf,
+    help="Time at which a sampled run ends at the latest.  [default: when nothing can happen any more]",
 )
 @click.option(
     "--draws",
@@ -67,94 +91,104 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     help="Say what each rate constant does to mean, sd and quantiles, or to the probability where that is below 1.",
 )
 @plot_option
+@budget_option
 @seed_option
 @json_option
 def passage(
-    asked: AskedStart,
-    edges: tuple[float, float, float] | None,
+    asked: ModelOptions,
     species: str,
     copies: int,
+    method: str,
+    runs: int,
+    horizon: float,
     draws: int,
     within: str | int | None,
     with_sensitivity: bool,
     plot_files: tuple[str, ...],
+    budget: float,
     seed: int,
     as_json: bool,
 ) -> None:
     """Solve for the first-passage time to a number of copies of a species: mean, sd, quantiles, distribution function.
 
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. The time is solved
-    for, not sampled. If the rates come with their events and exposure, the mean is the posterior median of the mean
-    time, with a 95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant.
-    A network with too many states is followed --within some of them, which gives limits.
+    for. If the rates come with their events and exposure, the mean is the posterior median of the mean time, with a
+    95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant. By --method ssa the
+    time is sampled at these rate constants, and the intervals show the number of runs alone.
+    A network with too many states is followed --within some of them, which gives bounds.
     """
+    from kinetics.markov.network_questions import chain_to
     from kinetics.predicting import predict_passage
 
     began = time.process_time()
-    begin = start(**asked._asdict(), edges=edges)
-    counted = begin.counted(species)
-    if within is not None:
-        if plot_files or with_sensitivity:
-            raise ValueError("--within gives limits, which have neither --plot nor --sensitivity; leave one out")
-        with instead_of_many_states(INSTEAD):
-            _limits(begin, within, species, copies, as_json)
+    model, rates, tank = given = described(asked)
+    counted = model.counted(species)
+    if within is not None and (plot_files or with_sensitivity):
+        raise ValueError("--within gives bounds, which have neither --plot nor --sensitivity; leave one out")
+    if method == "ssa":
+        if within is not None or with_sensitivity:
+            raise ValueError("--method ssa takes neither --within nor --sensitivity; leave them out")
+        _sample(asked, given, species, copies, (runs, seed, horizon), plot_files, as_json)
         return
-    with instead_of_many_states(INSTEAD), progress_line() as progress:
+    slopes = None
+    with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:
         progress("solving for the passage")
-        made = predict_passage(begin.network, begin.rates, begin.state, counted, copies, seed, draws, begin.tank)
-        found = made.passage
+        if within is None:
+            made = predict_passage(model, rates, None, counted, copies, seed, draws, tank)
+            found, mean, notes, network = made.passage, made.mean, made.notes, made.network
+        else:
+            network = applied(*given).network
+            chain, goal = chain_to(replace(model, network=network), None, counted, copies, MOST, within)
+            found = chain.passage(goal, in_words(summed(network, counted)[1], copies))
+            mean, notes = found.answer("mean"), ()
         progress("quantiles")
-        quantiles = found.quantile(QUANTILES)
-        progress("sensitivities")
-        slopes = _sensitivities(made.network, begin.state, counted, copies, found) if with_sensitivity else None
+        quantiles = {q: found.answer(q) for q in QUANTILES}
+        if with_sensitivity:
+            progress("sensitivities")
+            slopes = _sensitivities(replace(model, network=network), counted, copies, found)
     for plot_file in plot_files:
         from kinetics.support import plots
 
         plots.save(plot_file, found.plot)
     if as_json:
         curve = np.linspace(0.0, float(found.quantile(0.99 * found.probability)), 101)
+        is_whole = found.earliest is None
         echo_json(
             {
                 "book": asked.source,
                 "rates": asked.rates_name,
-                "convention": begin.convention,
-                **begin.conditions,
-                "initial": dict(zip(begin.network.species, begin.state, strict=True)),
+                **conditions(*given),
+                "initial": dict(zip(model.network.species, model.initial, strict=True)),
                 "species": species,
                 "copies": copies,
-                "time_unit": begin.network.time_unit,
-                "mean": made.mean,
-                "sd": found.sd,
-                "probability": found.probability,
+                "time_unit": model.network.time_unit,
+                "mean": mean.to_dict(),
+                "sd": found.answer("sd").to_dict(),
+                "probability": found.answer("probability").to_dict(),
                 "certain": found.is_certain,
-                "quantiles": dict(zip(QUANTILES, quantiles.tolist(), strict=True)),
-                "curve": {"times": curve, "cdf": found.cdf(curve)},
-                "interval": None if made.low is None else {"level": 0.95, "low": made.low, "high": made.high},
-                "error": found.error,
+                "quantiles": {q: each.to_dict() for q, each in quantiles.items()},
+                "curve": {"times": curve, "cdf": found.cdf(curve)} if is_whole else None,
                 "sensitivity": None if slopes is None else slopes.of_mean.to_dict(),
                 "sensitivity_sd": None if slopes is None or slopes.of_sd is None else slopes.of_sd.to_dict(),
                 "sensitivity_quantiles": None
                 if slopes is None
                 else {q: each.to_dict() for q, each in slopes.of_quantiles.items()},
                 "seed": seed,
-                "notes": (*begin.notes, *made.notes),
+                "notes": (*model.notes, *notes),
                 "cpu_seconds": time.process_time() - began,
             }
         )
         return
-    unit = begin.network.time_unit
-    if made.low is None or made.high is None:
-        click.echo(str(found))
-    else:
-        mean, high = ("infinite" if t == np.inf else in_unit(f"{t:.4g}", unit) for t in (made.mean, made.high))
-        limits = f"95 % interval of the mean, from the rates: {figure(made.low)} to {high}"
-        click.echo(f"mean time until {found.target}: {mean}; {limits}")
+    unit = model.network.time_unit
+    if mean.kind == CONFIDENCE:
+        median, high = ("infinite" if t == np.inf else in_unit(f"{t:.4g}", unit) for t in (mean.value, mean.high))
+        interval = f"95 % interval of the mean, from the rates: {figure(mean.low)} to {high}"
+        click.echo(f"mean time until {found.target}: {median}; {interval}")
         click.echo(f"at the posterior mean of each rate constant: {found}")
-    click.echo(
-        f"{of_unit('quantiles', unit)}: "
-        + ", ".join(f"{q:g}: {_when(t, '.4g')}" for q, t in zip(QUANTILES, quantiles, strict=True))
-    )
-    for note in (*begin.in_words, *made.notes):
+    else:
+        click.echo(str(found) if found.earliest is None else f"{found} ({mean.kind}; {mean.why})")
+    click.echo(f"{of_unit('quantiles', unit)}: " + ", ".join(f"{q:g}: {_when(found, t)}" for q, t in quantiles.items()))
+    for note in (*remarks(*given), *notes):
         click.echo(note)
     if slopes is not None:
         of = "mean time" if found.is_certain else "probability of ever reaching the target"
@@ -165,9 +199,10 @@ def passage(
             click.echo(f"no elasticities of quantiles: {slopes.refusal}")
 
 
-def _when(time: float, form: str) -> str:
-    """A quantile, or that it may never come."""
-    return "never" if time == np.inf else f"{time:{form}}"
+def _when(found: Passage, time: Answer) -> str:
+    """A quantile, or that it may never come; of a truncated chain, its bounds."""
+    ends, form = ([time.value], ".4g") if found.earliest is None else ([time.low, time.high], ".6g")
+    return " to ".join("never" if end == np.inf else f"{end:{form}}" for end in ends)
 
 
 class Sensitivities(NamedTuple):
@@ -192,17 +227,17 @@ class Sensitivities(NamedTuple):
             (name, *(figure(each.elasticity[p], ".6g") for each in self.others.values()))
             for p, name in enumerate(self.of_mean.parameters)
         ]
-        widths = [max((each.elasticity_limits[1] - each.elasticity_limits[0]) / 2) for each in self.others.values()]
+        widths = [max((each.elasticity_bounds[1] - each.elasticity_bounds[0]) / 2) for each in self.others.values()]
         rows.append(("+- at most", *(figure(wide, ".1e") for wide in widths)))
-        kind = "proven" if all(each.is_bound for each in self.others.values()) else "estimated"
+        kind = kind_of(all(each.is_bound for each in self.others.values()))
         seconds = sum(each.cpu_seconds for each in self.others.values())
-        return f"{text_table(('parameter', *self.others), rows)}\nlimits {kind}; {seconds:.2g} s CPU"
+        return f"{text_table(('parameter', *self.others), rows)}\nbounds {kind}; {seconds:.2g} s CPU"
 
 
-def _sensitivities(network: Network, initial: Ints, species: Counted, copies: int, found: Passage) -> Sensitivities:
+def _sensitivities(model: Model, species: Counted, copies: int, found: Passage) -> Sensitivities:
     from kinetics.markov import sensitivity_to
 
-    asked, goal = sensitivity_to(network, initial, species, copies)
+    asked, goal = sensitivity_to(model, None, species, copies)
     mean, sd = (asked.passage(goal), asked.passage_sd(goal)) if found.is_certain else (asked.until(goal), None)
     quantiles = {}
     try:
@@ -215,40 +250,66 @@ def _sensitivities(network: Network, initial: Ints, species: Counted, copies: in
     return Sensitivities(mean, sd, quantiles, "")
 
 
-def _limits(begin: Start, within: str | int, species: str, copies: int, as_json: bool) -> None:
-    """Limits of the time within a part of the states, at the rates of the file."""
-    from kinetics.markov import Chain
+def _sample(
+    asked: ModelOptions,
+    given: tuple[Model, Rates | BookRates | None, Tank | None],
+    species: str,
+    copies: int,
+    numbers: tuple[int, int, float],
+    plot_files: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """First times of runs that end with the passage, at the posterior mean of each rate constant."""
+    from kinetics.network.laws.expression import quoted
+    from kinetics.runs import TruncatedRunsError
+    from kinetics.sampling import simulate
+    from kinetics.sampling.watch import MAX_EVENTS
 
     began = time.process_time()
-    model = begin.model
-    weights, name = summed(model.network, begin.counted(species))
+    (runs, seed, horizon), unit = numbers, given[0].network.time_unit
+    model = replace(applied(*given), observables={species: given[0].counted(species)})
+    most = MAX_EVENTS if horizon < np.inf else MOST_EVENTS
+    until = f"{quoted(species)} >= {copies}"
     with progress_line() as progress:
-        progress("listing states")
-        chain = Chain.of(
-            model.network, model.initial, stop=lambda states: states @ weights >= copies, within=within, max_states=MOST
-        )
-        progress(f"solving {len(chain)} states")
-        found = chain.passage_limits(np.asarray(chain.counts) @ weights >= copies, in_words(name, copies))
-        low, high = found.quantile_bounds(QUANTILES)
+        progress(f"sampling {runs} runs")
+        try:
+            found = simulate(model, "auto", None, horizon, runs, seed, max_events=most, until=until)
+        except TruncatedRunsError as error:
+            told = error.truncation
+            raise ValueError(
+                f"{until} has not held in run {told.run} by {in_unit(f'{told.time:.4g}', unit)}, where it was "
+                f"truncated: {told.cause}; give a --horizon, at which runs end"
+            ) from error
+    for plot_file in plot_files:
+        from kinetics.support import plots
+
+        plots.save(plot_file, found.plot)
+    quantiles = {q: found.answer(q) for q in QUANTILES}
     if as_json:
-        ever = found.probability_bounds
         echo_json(
             {
+                "book": asked.source,
+                "rates": asked.rates_name,
+                **conditions(*given),
+                "initial": dict(zip(model.network.species, model.initial, strict=True)),
                 "species": species,
                 "copies": copies,
-                "states": len(chain),
-                "mean": {"low": found.mean_low},
-                "probability": dict(zip(("low", "high"), ever, strict=True)),
-                "quantiles": {q: {"low": a, "high": b} for q, a, b in zip(QUANTILES, low, high, strict=True)},
-                "is_bound": found.is_bound,
-                "notes": begin.notes,
+                "time_unit": unit,
+                "mean": found.answer("mean").to_dict(),
+                "probability": None if found.truncated else found.answer("probability").to_dict(),
+                "quantiles": {q: each.to_dict() for q, each in quantiles.items()},
+                "horizon": horizon,
+                "runs": runs,
+                "censored": found.censored,
+                "truncated": None if found.truncated is None else found.truncated.to_dict(),
+                "seed": seed,
+                "notes": model.notes,
                 "cpu_seconds": time.process_time() - began,
             }
         )
         return
-    click.echo(f"{found} ({'proven' if found.is_bound else 'estimated'}; {len(chain)} states)")
-    limits = zip(QUANTILES, low, high, strict=True)
-    title = of_unit("quantiles", model.network.time_unit)
-    click.echo(f"{title}: " + ", ".join(f"{q:g}: {_when(a, '.6g')} to {_when(b, '.6g')}" for q, a, b in limits))
-    for note in begin.in_words:
+    click.echo(f"{found.summary().text}; runs by {found.method}")
+    spans = (f"{q:g}: {figure(each.value)} {each.bounds_text}" for q, each in quantiles.items())
+    click.echo(f"{of_unit('quantiles', unit)}: " + ", ".join(spans))
+    for note in remarks(*given):
         click.echo(note)

@@ -8,28 +8,28 @@ from typing import TYPE_CHECKING
 
 import click
 import numpy as np
+from click.core import ParameterSource
 
 from kinetics.commands.methods import MethodName, within_budget
-from kinetics.commands.start import instead_of_many_states, start
+from kinetics.commands.models import conditions, described, instead_of_many_states, remarks, shown_of
 from kinetics.sampling.watch import MAX_EVENTS
+from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
-    AskedStart,
+    ModelOptions,
     NumbersCommand,
+    budget_option,
     csv_option,
     echo_json,
     json_option,
+    model_options,
     picture_of,
     plot_option,
     seed_option,
-    starting_options,
-    tank_option,
     time_grid,
 )
-from kinetics.support.cli.progress import BUDGET, INTERRUPTED, progress_line
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
 from kinetics.support.tables import figure, in_unit, text_table
-
-FEWER_TIMES = 4  # exit code: a run was truncated
 
 if TYPE_CHECKING:
     from kinetics.predicting import AskedAccuracy, Elasticities, Prediction
@@ -41,8 +41,7 @@ INSTEAD = (
 
 
 @click.command(cls=NumbersCommand)
-@starting_options
-@tank_option
+@model_options
 @click.option(
     "--duration",
     metavar="T",
@@ -64,7 +63,7 @@ INSTEAD = (
 @click.option(
     "--accuracy",
     metavar="SIZE",
-    help="Instead of both: the cheapest way to this error of all figures shown, as in 1%, or 0.5 copies.",
+    help="Choose method and number of runs so that every value shown is within SIZE: 1%, or 0.5 copies.",
 )
 @click.option(
     "--accuracy-of",
@@ -73,13 +72,7 @@ INSTEAD = (
     show_default=True,
     help="What --accuracy is the error of.",
 )
-@click.option(
-    "--budget",
-    metavar="MINUTES",
-    type=click.FloatRange(min=0, min_open=True),
-    help="CPU time allowed; work that is forecast to take more is refused before it starts.  "
-    f"[default: {BUDGET:g}; with --accuracy 20]",
-)
+@budget_option
 @click.option(
     "--max-events",
     metavar="N",
@@ -118,8 +111,7 @@ INSTEAD = (
 @seed_option
 @json_option
 def predict(
-    asked: AskedStart,
-    edges: tuple[float, float, float] | None,
+    asked: ModelOptions,
     duration: float | None,
     times: tuple[float, ...],
     shown: tuple[str, ...],
@@ -127,7 +119,7 @@ def predict(
     runs: int | None,
     accuracy: str | None,
     accuracy_of: str,
-    budget: float | None,
+    budget: float,
     max_events: int,
     threads: int | None,
     draws: int,
@@ -148,8 +140,9 @@ def predict(
     reports those made so far.
 
     With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until
-    they are enough. 1% is relative to each species' largest mean over the times, or to one copy where that is more. The
-    report says what was chosen, what each way was foretold to cost, the error reached, and what a tenth would cost.
+    they are enough, in 20 minutes of CPU time unless --budget says otherwise. 1% is relative to each species' largest
+    mean over the times, or to one copy where that is more. The report says what was chosen, what each way was forecast
+    to cost, the error reached, and what a tenth would cost.
 
     A run that would never end, because counts grow without limit or events are too quick, is truncated; figures are
     given for the times before, and a note says why. Exit code 4: there are fewer times than were asked for.
@@ -157,28 +150,26 @@ def predict(
     from kinetics.predicting import predict as make
 
     asked_for = _accuracy(accuracy, accuracy_of)
-    begin = start(**asked._asdict(), edges=edges)
-    if (with_elasticity or elasticity_files) and begin.rates is None:
+    model, rates, tank = given = described(asked)
+    if (with_elasticity or elasticity_files) and rates is None:
         raise ValueError(
             f"elasticities are those to the parameters of a rates file; {asked.source} brings rates of its own"
         )
-    grid, sums = time_grid(duration, times), begin.shown(shown)
-    most = BUDGET if budget is None else budget
-    chosen = None if method is None else within_budget(method, 60 * most)
-    with progress_line(budget=most) as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
+    grid, sums = time_grid(duration, times), shown_of(model, shown)
+    chosen = None if method is None else within_budget(method, 60 * budget)
+    is_default = click.get_current_context().get_parameter_source("budget") is ParameterSource.DEFAULT
+    with progress_line(budget=budget) as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
         made = make(
-            begin.network, begin.rates, begin.state, grid, chosen, runs, seed, draws, threads, progress,
-            sums, begin.tank, asked_for, 60 * budget if budget and asked_for else None, max_events,
+            model, rates, None, grid, chosen, runs, seed, draws, threads, progress,
+            sums, tank, asked_for, None if is_default or not asked_for else 60 * budget, max_events,
         )  # fmt: skip
         found = None
-        if begin.rates is not None and (with_elasticity or elasticity_files):
+        if rates is not None and (with_elasticity or elasticity_files):
             from kinetics.predicting import count_elasticities
 
             progress("elasticities")
             drawn = None if made.drawn is None else made.drawn.at_last()
-            found = count_elasticities(
-                begin.network, begin.rates, begin.state, made.times[-1:], drawn, sums, begin.tank
-            )
+            found = count_elasticities(model, rates, None, made.times[-1:], drawn, sums, tank)
     for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe().to_csv(index=False))
     for plot_file in plot_files:
@@ -196,9 +187,8 @@ def predict(
             {
                 "book": asked.source,
                 "rates": asked.rates_name,
-                "convention": begin.convention,
-                **begin.conditions,
-                "initial": dict(zip(begin.network.species, begin.state, strict=True)),
+                **conditions(*given),
+                "initial": dict(zip(model.network.species, model.initial, strict=True)),
                 "method": method or "auto",
                 "method_used": made.method,
                 "runs": made.runs,
@@ -215,18 +205,18 @@ def predict(
                 "error": made.error,
                 "accuracy": None if made.reached is None else made.reached.to_dict(),
                 "elasticities": None if found is None else found.to_dict(),
-                "notes": (*begin.notes, *made.notes),
+                "notes": (*model.notes, *made.notes),
                 "cpu_seconds": made.cpu_seconds,
             }
         )
     else:
-        click.echo(_prediction_table(made, begin.in_words))
+        click.echo(_prediction_table(made, remarks(*given)))
         if found is not None:
             click.echo(_elasticity_table(found, made))
     if not made.is_complete:
         raise SystemExit(INTERRUPTED)
     if made.truncated is not None:
-        raise SystemExit(FEWER_TIMES)
+        raise SystemExit(STOPPED)
 
 
 def _accuracy(size: str | None, of: str) -> AskedAccuracy | None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.failures import INTERRUPTED
 from kinetics.support.cli.options import (
     budget_option,
     csv_option,
@@ -21,7 +22,7 @@ from kinetics.support.cli.options import (
     plot_option,
     seed_option,
 )
-from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.config import read_toml
 from kinetics.support.output import write_whole
 

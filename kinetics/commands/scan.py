@@ -2,37 +2,28 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
 
-from kinetics.commands.start import is_network_file, start
-from kinetics.support.cli.failures import keep
+from kinetics.commands.models import applied, conditions, described, is_network_file, remarks
+from kinetics.support.cli.failures import CHECKED, INTERRUPTED, keep
 from kinetics.support.cli.options import (
-    AskedStart,
+    ModelOptions,
     budget_option,
     csv_option,
     echo_json,
     json_option,
+    model_options,
     plot_option,
     seed_option,
-    starting_options,
     table_of,
-    tank_option,
     within_option,
 )
-from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
-
-if TYPE_CHECKING:
-    from kinetics.commands.start import Start
-
-UNANSWERED = 1  # exit code
 
 
 @click.command()
-@starting_options
-@tank_option
+@model_options
 @click.option(
     "--over",
     "ranges",
@@ -103,8 +94,7 @@ UNANSWERED = 1  # exit code
 @seed_option
 @json_option
 def scan(
-    asked: AskedStart,
-    edges: tuple[float, float, float] | None,
+    asked: ModelOptions,
     ranges: tuple[str, ...],
     questions: tuple[str, ...],
     within: str | int | None,
@@ -123,12 +113,12 @@ def scan(
     """Answer questions at every combination of values, exactly where the states can be listed, else by samples.
 
     NETWORK is a rule book, which needs --rates and --cubes (or --over cubes=...), or a network file that contains both.
-    Questions are those of `wellmixed ask`. Exact answers have limits that are proven unless the column `answered` says
+    Questions are those of `wellmixed ask`. Exact answers have bounds that are proven unless the column `kind` says
     otherwise; sampled ones have a 95 % interval. The first points tell the cost. Points are kept as they come: after
     Ctrl-C the same command goes on from there, and a grid may grow. Exit code 1: a question has no answer at some
     points, for which the table says why.
     """
-    from kinetics.predicting.scanning import ScannedModel, read_values
+    from kinetics.predicting.scanning import read_values
     from kinetics.predicting.scanning import scan as make
     from kinetics.predicting.scanning.answering import tell_questions
 
@@ -142,11 +132,15 @@ def scan(
     both = [name for name in over if name in asked.chosen]
     if both:
         raise ValueError(f"--set {both[0]} and --over {both[0]}: a name is set, or scanned; leave one out")
-    begin = _start(asked, edges, {name: values.tolist() for name, values in over.items()})
+    is_open = asked.cubes is None and asked.initial is None
+    if is_open and "cubes" in over and not is_network_file(asked.source):
+        asked = asked._replace(cubes=max(1, int(over["cubes"][0])))  # the scan checks all of them
+    given = described(asked)
+    model = applied(*given)
     keep(f"points that are done are kept in {folder}, and the same command goes on from there")
     with progress_line(budget=budget) as progress:
         made = make(
-            ScannedModel(begin.model, begin.cube),
+            model,
             over,
             questions,
             max_states=max_states,
@@ -173,8 +167,7 @@ def scan(
             {
                 "model": asked.source,
                 "rates": asked.rates_name,
-                "convention": begin.convention,
-                **begin.conditions,
+                **conditions(*given),
                 "over": dict(made.over),
                 "questions": made.questions,
                 "max_states": max_states,
@@ -184,12 +177,12 @@ def scan(
                 "points": len(made.answers),
                 "complete": made.is_complete,
                 "rows": made.rows,
-                "notes": begin.notes,
+                "notes": model.notes,
                 "cpu_seconds": made.cpu_seconds,
             }
         )
     else:
-        click.echo("\n".join([str(made), *begin.in_words]))
+        click.echo("\n".join([str(made), *remarks(*given)]))
     if not made.is_complete:
         done = sum(answers is not None for answers in made.answers)
         click.echo(
@@ -199,12 +192,4 @@ def scan(
         )
         raise SystemExit(INTERRUPTED)
     if made.unanswered:
-        raise SystemExit(UNANSWERED)
-
-
-def _start(asked: AskedStart, edges: tuple[float, float, float] | None, over: dict[str, list[float]]) -> Start:
-    """The start that the options describe; where cubes are scanned, with some number of them."""
-    is_open = asked.cubes is None and asked.initial is None
-    if is_open and over.get("cubes") and not is_network_file(asked.source):
-        asked = asked._replace(cubes=max(1, int(over["cubes"][0])))  # the scan checks all of them
-    return start(**asked._asdict(), edges=edges)
+        raise SystemExit(CHECKED)

@@ -1,23 +1,22 @@
-"""`wellmixed verify`: samplers against the exact solution of a network, and solvers against each other."""
+"""`wellmixed trust verify`: samplers against the exact solution of a network, and solvers against each other."""
 
 from __future__ import annotations
 
 import click
 import numpy as np
 
-from kinetics.commands.start import start
+from kinetics.commands.models import applied, described
 from kinetics.sampling import SAMPLING_METHODS, SamplingMethod
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.support.cli.options import (
     DURATION,
-    AskedStart,
+    ModelOptions,
     NumbersCommand,
     budget_option,
     echo_json,
     json_option,
+    model_options,
     seed_option,
-    starting_options,
-    tank_option,
 )
 from kinetics.support.cli.progress import progress_line
 
@@ -27,8 +26,7 @@ ENSEMBLES, WITH_POWER = 2, 14  # of runs, at most: of this seed and the next; of
 
 
 @click.command(cls=NumbersCommand)
-@starting_options
-@tank_option
+@model_options
 @click.option(
     "--times", type=float, multiple=True, metavar="T ...", help="Compare at these times, tu.  [default: 200 2000]"
 )
@@ -52,8 +50,7 @@ ENSEMBLES, WITH_POWER = 2, 14  # of runs, at most: of this seed and the next; of
 @seed_option
 @json_option
 def verify(
-    asked: AskedStart,
-    edges: tuple[float, float, float] | None,
+    asked: ModelOptions,
     times: tuple[float, ...],
     method: str,
     runs: int,
@@ -73,7 +70,7 @@ def verify(
     from kinetics.trust.solver_agreement import compare_solvers
     from kinetics.trust.verification import Reference, verify_against
 
-    model = start(**asked._asdict(), edges=edges).model
+    model = applied(*described(asked))
     grid = list(times) or [DURATION / 10, DURATION]
     chosen = [kind() for name, kind in METHODS.items() if method in (ALL, name)]
     refused = {one.name: one.refusal(model.network) for one in chosen}
@@ -85,9 +82,9 @@ def verify(
                 made = runs * (WITH_POWER if power else ENSEMBLES)
                 forecast_runs(model.network, one, model.initial, np.array(grid), made)
         progress("solving")
-        reference = Reference.of(model.network, model.initial, grid)
+        reference = Reference.of(model, None, grid)
         progress("comparing solvers")
-        solvers = compare_solvers(model.network, model.initial, grid)
+        solvers = compare_solvers(model, None, grid)
     failed = len(solvers.failures)
     if not as_json:
         click.echo(f"solvers\n{solvers}")

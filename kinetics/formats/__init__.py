@@ -1,6 +1,6 @@
 """Formats of network files: readers and writers for other programs.
 
-To add one, write its class in a file of its own, after `Format` in `kinetics.formats.model`, and import it here.
+To add one, write its class in a file of its own, after `Format` in `kinetics.formats.base`, and import it here.
 Commands, messages and the contract in tests/contracts/test_formats.py read the tuple.
 """
 
@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from kinetics.formats.model import Format, NetworkModel
+from kinetics.network import Model
+from kinetics.formats.base import Format
 from kinetics.formats.proving import check_written
 from kinetics.support.families import members
 from kinetics.support.output import write_whole
@@ -21,14 +22,14 @@ from kinetics.formats.rxn import ReactionLines
 from kinetics.formats.antimony import Antimony
 from kinetics.formats.bngl import Bngl
 
-__all__ = ["FORMATS", "SUFFIXES", "WRITTEN", "Format", "NetworkModel", "read", "write"]
+__all__ = ["FORMATS", "SUFFIXES", "WRITTEN", "Format", "read", "write"]
 
 FORMATS: tuple[Format, ...] = tuple(kind() for kind in members(globals(), Format))
 SUFFIXES = tuple(suffix for kind in FORMATS for suffix in kind.suffixes)
 WRITTEN = tuple(suffix for kind in FORMATS if kind.is_written for suffix in kind.suffixes)
 
 
-def read(path: str | Path, copies_per_unit: float | None = None) -> NetworkModel:
+def read(path: str | Path, copies_per_unit: float | None = None) -> Model:
     """Read the model in a network file, whose suffix gives the format.
 
     copies_per_unit : how many copies one unit of the file's amounts is; None where it is one. The rate equations stay
@@ -50,16 +51,16 @@ def read(path: str | Path, copies_per_unit: float | None = None) -> NetworkModel
     return kind.model(file, copies_per_unit)
 
 
-def write(model: NetworkModel, path: str | Path) -> None:
+def write(model: Model, path: str | Path) -> None:
     """Write a network file, whose suffix gives the format, whole or not at all.
 
     Before it takes its name it is read back and compared with the model, at the cost of reading it (see `proving`).
     ValueError: the suffix is not known, the format cannot hold all of the model, or the file would say something else
 
     >>> from tempfile import TemporaryDirectory
-    >>> from kinetics import Network
-    >>> from kinetics.formats import NetworkModel, read, write
-    >>> model = NetworkModel(Network.from_text("A + B -> AB, 0.1"), {"A": 5, "B": 4})
+    >>> from kinetics import Model, Network
+    >>> from kinetics.formats import read, write
+    >>> model = Model(Network.from_text("A + B -> AB, 0.1"), {"A": 5, "B": 4})
     >>> with TemporaryDirectory() as folder:
     ...     write(model, f"{folder}/binding.net")
     ...     print(read(f"{folder}/binding.net").initial.tolist())

@@ -12,9 +12,10 @@ import sys
 from pathlib import Path
 from typing import ClassVar
 
-from kinetics.formats.model import Format, NetworkModel
+from kinetics.formats.base import Format
 from kinetics.formats.outside import Program
 from kinetics.formats.sbml import model_in
+from kinetics.network import Model
 from kinetics.support.extras import require
 from kinetics.support.limits import text_in
 
@@ -51,7 +52,7 @@ class Antimony(Format):
     suffixes: ClassVar[tuple[str, ...]] = (".ant", ".antimony")
     is_written: ClassVar[bool] = False
 
-    def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
+    def read(self, path: Path, copies_per_unit: float | None = None) -> Model:
         """The file's main model, the one marked by * or the last; as for SBML, amounts are copies.
 
         Cost: a process of some .3 s.

@@ -15,13 +15,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from kinetics.formats.base import Format
 from kinetics.formats.blocks import Line, blocks_of
 from kinetics.formats.formulas import node_in_file, number
-from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.netlaws import KINDS, law_of
 from kinetics.formats.netwriting import net_text
 from kinetics.formats.scaling import is_count, model_of
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import MOST_NODES, Code, Graph
 from kinetics.network.laws.reading import NUMBER
@@ -43,16 +43,16 @@ class BioNetGen(Format):
     name: ClassVar[str] = "net"
     suffixes: ClassVar[tuple[str, ...]] = (".net",)
 
-    def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
+    def read(self, path: Path, copies_per_unit: float | None = None) -> Model:
         """The file's network with `ordered` combinations, its counts and its groups."""
         return model_in(path, text_in(path), copies_per_unit)
 
-    def text(self, model: NetworkModel) -> str:
+    def text(self, model: Model) -> str:
         """The model as a .net file."""
         return net_text(model)
 
 
-def model_in(path: Path, text: str, copies_per_unit: float | None) -> NetworkModel:
+def model_in(path: Path, text: str, copies_per_unit: float | None) -> Model:
     """The model of a text; `path` is the user's file, for messages."""
     return _NetReader(path, blocks_of(path, text), Graph(MOST_NODES + len(text)), copies_per_unit).model()
 
@@ -74,7 +74,7 @@ class _NetReader:
     numbers: dict[str, float] = field(default_factory=dict)  # species that nothing changes and that are no count
     keeps_names: bool = True
 
-    def model(self) -> NetworkModel:
+    def model(self) -> Model:
         self._read_parameters()
         initial = self._read_species()
         observables = self._observables()
@@ -96,7 +96,7 @@ class _NetReader:
         shape = (len(lines), len(counted))
         kept = is_counted[needs[1]]
         needed = needs[0][kept], moved[needs[1][kept]]
-        network = Network.from_sparse(
+        network = Network(
             counted,
             channels,
             SparseTable.of_entries(shape, *needed, np.ones(needed[0].size, dtype=np.int64)),

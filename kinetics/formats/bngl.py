@@ -15,12 +15,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
+from kinetics.formats.base import Format
 from kinetics.formats.bionetgen import model_in
 from kinetics.formats.bnglactions import Actions
 from kinetics.formats.bnglblocks import BLOCKS, parameter
 from kinetics.formats.bngltext import BLANKS, BnglLine, lines_of
-from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.outside import Program
+from kinetics.network import Model
 from kinetics.support.extras import require
 from kinetics.support.limits import text_in
 
@@ -40,7 +41,7 @@ class Bngl(Format):
     suffixes: ClassVar[tuple[str, ...]] = (".bngl",)
     is_written: ClassVar[bool] = False
 
-    def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
+    def read(self, path: Path, copies_per_unit: float | None = None) -> Model:
         """The network that the rules generate, as `.net` files are read.
 
         Its options, the limits of generate_network and what is set before it hold; other actions are left to the user.

@@ -7,15 +7,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from kinetics.formats.model import NetworkModel
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.checks import spelled_apart
 from kinetics.network.sparse_tables import SparseTable
 
 PATTERN = re.compile(r"[A-Za-z_]\w*\([^\s#$]*\)(\.[A-Za-z_]\w*\([^\s#$]*\))*")
 
 
-def net_text(model: NetworkModel) -> str:
+def net_text(model: Model) -> str:
     """The .net file of a model.
 
     Names that the format cannot have are spelled with _ for the characters in question. A ValueError where like

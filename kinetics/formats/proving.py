@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from kinetics.formats.model import Format, NetworkModel
-from kinetics.network import Network
+from kinetics.formats.base import Format
+from kinetics.network import Model, Network
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.output import scratch_folder
 
@@ -20,7 +20,7 @@ RTOL = 1e-12  # of propensities: libsbml writes 15 digits of a number
 SEED = 1
 
 
-def check_written(kind: Format, model: NetworkModel, text: str, path: Path) -> None:
+def check_written(kind: Format, model: Model, text: str, path: Path) -> None:
     """A ValueError that names what differs where the text, read back, is another model than this one.
 
     Counts at time 0, what each channel changes, and at some states the propensities and observables, by their order:
@@ -38,7 +38,7 @@ def check_written(kind: Format, model: NetworkModel, text: str, path: Path) -> N
     _compare(model, again, path)
 
 
-def _compare(model: NetworkModel, again: NetworkModel, path: Path) -> None:
+def _compare(model: Model, again: Model, path: Path) -> None:
     was, now = model.network, again.network
     for what, given, got in (
         ("species", was.species, now.species),
@@ -62,7 +62,7 @@ def _compare(model: NetworkModel, again: NetworkModel, path: Path) -> None:
         _check_close(path, "observable", tuple(model.observables), _sums(again, state), _sums(model, state))
 
 
-def _states(model: NetworkModel) -> list[tuple[Ints, float]]:
+def _states(model: Model) -> list[tuple[Ints, float]]:
     """Counts and times at which the models are compared: the first state, some about it, some of few copies."""
     rng = np.random.default_rng(SEED)
     n = len(model.initial)
@@ -82,7 +82,7 @@ def _propensities(network: Network, state: Ints, time: float) -> Floats | None:
         return None
 
 
-def _sums(model: NetworkModel, state: Ints) -> Floats:
+def _sums(model: Model, state: Ints) -> Floats:
     place = {name: s for s, name in enumerate(model.network.species)}
     return np.array(
         [sum(w * float(state[place[each]]) for each, w in sums.items()) for sums in model.observables.values()]

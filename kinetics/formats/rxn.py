@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from kinetics.formats.base import Format
 from kinetics.formats.massaction import linear_weights
-from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.scaling import model_of
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import Graph
 from kinetics.network.laws.reading import node_of
 from kinetics.network.laws.writing import quoted
+from kinetics.network.network import network_of
 from kinetics.network.parameters import number_of
 from kinetics.network.reaction_text import MOST_COPIES, SETTINGS, read_reactions
 from kinetics.network.reactions import sides_of
@@ -31,14 +32,14 @@ class ReactionLines(Format):
     name: ClassVar[str] = "rxn"
     suffixes: ClassVar[tuple[str, ...]] = (".rxn",)
 
-    def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
+    def read(self, path: Path, copies_per_unit: float | None = None) -> Model:
         """The file's network with its parameters, its counts and its observables."""
         text = text_in(path, MAX_BYTES)
         try:
             read = read_reactions(text)
             check_count(path, "species", len(read.species), MOST_SPECIES)
             check_names(path, read.species)
-            network = Network.of_text(read)
+            network = network_of(read)
             sums = {name: _weights(name, formula, network.species) for name, formula in read.observables.items()}
             given = network.given
             amounts = {
@@ -51,7 +52,7 @@ class ReactionLines(Format):
         except ValueError as error:
             raise error if str(path) in str(error) else ValueError(f"{path}, {error}") from None
 
-    def text(self, model: NetworkModel) -> str:
+    def text(self, model: Model) -> str:
         """The model as lines, parameters and formulas with their names; a ValueError for events."""
         return "\n".join(_lines(model)) + "\n"
 
@@ -63,7 +64,7 @@ def _weights(name: str, formula: Expression, species: Sequence[str]) -> Mapping[
     return found
 
 
-def _lines(model: NetworkModel) -> list[str]:
+def _lines(model: Model) -> list[str]:
     network = model.network
     if network.events:
         raise ValueError(f"a file of reactions has no events; {network.events[0].name!r} does not fit")

@@ -6,19 +6,19 @@ reversible reaction becomes two channels. What has no counterpart here is refuse
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
+from kinetics.formats.base import Format
 from kinetics.formats.massaction import linear_weights
-from kinetics.formats.model import Format, NetworkModel
 from kinetics.formats.sbmlevents import events_of
 from kinetics.formats.sbmlfile import document_of
 from kinetics.formats.sbmlnames import SbmlNames
 from kinetics.formats.sbmlreactions import channels_of
 from kinetics.formats.sbmlwriting import sbml_text
 from kinetics.formats.scaling import model_of
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.laws.graph import BudgetError
 from kinetics.network.parameters import Parameters
 from kinetics.support.limits import XML_BYTES, bytes_in
@@ -31,16 +31,16 @@ class Sbml(Format):
     name: ClassVar[str] = "sbml"
     suffixes: ClassVar[tuple[str, ...]] = (".xml", ".sbml")
 
-    def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
+    def read(self, path: Path, copies_per_unit: float | None = None) -> Model:
         """The file's network with `distinct` combinations, its counts, and what its rules add up."""
         return model_in(path, bytes_in(path, XML_BYTES), copies_per_unit)
 
-    def text(self, model: NetworkModel) -> str:
+    def text(self, model: Model) -> str:
         """The model in Level 3 Version 1, amounts in copies."""
         return sbml_text(model)
 
 
-def model_in(path: Path, data: bytes, copies_per_unit: float | None) -> NetworkModel:
+def model_in(path: Path, data: bytes, copies_per_unit: float | None) -> Model:
     """The model of a document; `path` is the user's file, for messages."""
     try:
         document = document_of(path, data)  # its model lives as long as it does
@@ -49,7 +49,7 @@ def model_in(path: Path, data: bytes, copies_per_unit: float | None) -> NetworkM
         raise error if str(path) in str(error) else ValueError(f"{path}: {error}") from None
 
 
-def _model(names: SbmlNames, copies_per_unit: float | None) -> NetworkModel:
+def _model(names: SbmlNames, copies_per_unit: float | None) -> Model:
     """The model as a network of ours."""
     _check_scope(names)
     if not names.states:
@@ -79,7 +79,7 @@ def _model(names: SbmlNames, copies_per_unit: float | None) -> NetworkModel:
             else:
                 sums[name] = weights
     open_to_change = {name: value for name, value in names.values.items() if name not in names.settled}
-    network = network.with_given(Parameters(open_to_change, channels.formulas))
+    network = replace(network, given=Parameters(open_to_change, channels.formulas))
     return model_of(names.path, network, amounts, copies_per_unit, sums, notes, _formulas(names))
 
 

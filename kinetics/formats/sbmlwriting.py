@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 from math import factorial
 from typing import Any
 
-from kinetics.formats.model import NetworkModel
 from kinetics.formats.sbmlmath import parts_of
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.checks import spelled_apart
 from kinetics.network.reactions import sides_of
 from kinetics.support.limits import BREAKS, check_visible
@@ -17,7 +16,7 @@ from kinetics.support.limits import BREAKS, check_visible
 PLACE = "x{}"  # of an id in a formula
 
 
-def sbml_text(model: NetworkModel) -> str:
+def sbml_text(model: Model) -> str:
     """The model in Level 3 Version 1: one volume of size 1, amounts in copies, observables as assignment rules.
 
     Names that no id can have are kept as names, beside an id with _ for the characters in question.

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from kinetics.formats.model import CLOSE, NetworkModel
-from kinetics.network import Network
+from kinetics.formats.base import CLOSE
+from kinetics.network import Model, Network
 from kinetics.network.laws.events import Event
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import Code, Graph
@@ -24,7 +24,7 @@ def model_of(
     observables: Mapping[str, Mapping[str, float]],
     notes: Sequence[str] = (),
     formulas: Mapping[str, str] | None = None,
-) -> NetworkModel:
+) -> Model:
     """The model of a file whose network and amounts at time 0 are in its own units.
 
     copies_per_unit : None for a unit that is a copy; fractions of a copy are then refused, with a hint to give it
@@ -53,8 +53,8 @@ def model_of(
     whole = np.array([round(count) for count in counts.values()], dtype=np.int64)
     stated = dict(zip(counts, whole.tolist(), strict=True))
     formulas_of = {name: each for name, each in network.given.initial.items() if isinstance(each, Expression)}
-    network = network.with_given(replace(network.given, initial=stated | formulas_of))
-    return NetworkModel(network, whole, observables, tuple(remarks), formulas or {})
+    network = replace(network, given=replace(network.given, initial=stated | formulas_of))
+    return Model(network, whole, observables, tuple(remarks), formulas or {})
 
 
 def is_count(amount: float) -> bool:
@@ -70,15 +70,17 @@ def scaled(network: Network, copies: float) -> Network:
     order = np.bincount(network.sparse_reactants.rows, network.sparse_reactants.copies, len(network.channels))
     is_law = np.isin(network.channels, list(network.laws))
     factors = copies ** np.where(is_law, 0.0, 1.0 - order)
-    made = network.with_rates(network.known_rates * factors)
     rates = {name: _times(k, factors[network.channel_places[name]]) for name, k in network.given.rates.items()}
     initial = {
         name: _whole(amount, copies) for name, amount in network.given.initial.items() if isinstance(amount, Expression)
     }
-    made = made.with_given(replace(network.given, rates=rates, initial=initial))
-    if network.laws:
-        made = made.with_laws({name: _law(law, copies) for name, law in network.laws.items()})
-    return made.with_events([_event(event, copies) for event in network.events]) if network.events else made
+    return replace(
+        network,
+        rate_constants=network.known_rates * factors,
+        laws={name: _law(law, copies) for name, law in network.laws.items()},
+        events=tuple(_event(event, copies) for event in network.events),
+        given=replace(network.given, rates=rates, initial=initial),
+    )
 
 
 def _law(law: Expression, copies: float) -> Expression:

@@ -49,6 +49,7 @@ def compiled(
     dispatcher: Any = njit(nogil=nogil, error_model=error_model, inline=inline)(function)
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         dispatcher.get_call_template = functools.partial(template_of_plain_types, dispatcher.get_call_template)
+        dispatcher._compile_for_args = functools.partial(beside_interrupts, dispatcher._compile_for_args)
         try:
             dispatcher._cache = KernelCache(function)  # as Numba's `enable_caching`, which knows its own cache only
         except RuntimeError as error:
@@ -67,6 +68,16 @@ def template_of_plain_types(template: Callable[..., Any], args: tuple[Any, ...],
     return template(tuple(map(unliteral, args)), {name: unliteral(kind) for name, kind in kws.items()})
 
 
+def beside_interrupts(compile_for: Callable[..., Any], *args: Any, **kws: Any) -> Any:
+    """Compile a kernel for the types of its arguments, in another thread than that which Ctrl-C interrupts.
+
+    An interrupt within Numba or LLVM may be dropped, turned into another error, or crash the process.
+    """
+    from kinetics.support.interrupts import heard  # of ours, only this file may import more than kernels
+
+    return heard(compile_for, *args, **kws)
+
+
 @functools.cache
 def say_that_nothing_is_kept() -> None:
     """Once a command: a read-only installation without a home has no folder for compiled kernels."""
@@ -83,7 +94,7 @@ def say_that_nothing_is_kept() -> None:
 @functools.cache
 def say_that_it_compiles() -> None:
     """Once a command, to a person at a terminal: it takes seconds, and only the first time."""
-    from kinetics.support.cli.progress import is_terminal  # of ours, only this file may import more than kernels
+    from kinetics.support.cli.progress import is_terminal
 
     if is_terminal(sys.stderr) and multiprocessing.parent_process() is None:
         print("compiling kernels, which are kept for the next time ...", file=sys.stderr, flush=True)  # noqa: T201

@@ -12,14 +12,15 @@ from kinetics.kernels.blocks import BLOCK, block_at, factored
 from kinetics.kernels.clock import next_time, record
 from kinetics.kernels.compiled import compiled
 from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, PASSED, RUN
-from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, UNFINISHED
+from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STOPPED, UNFINISHED
+from kinetics.kernels.stopping import holds
 from kinetics.kernels.streams import exponential, next_word, start_stream, uniform
 
 BUFFER = 1024  # events that are kept before they are written to the grid
 
 
 @compiled
-def advance(model, changes, counts, clock, end, stream, times, fired):
+def advance(model, changes, counts, clock, end, stream, times, fired, stop=None):
     """Run one trajectory on until `end`, or until the buffers of events are full.
 
     model : see `sampling.merging.MergedChannels`
@@ -28,6 +29,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired):
     clock : (3,) the time, tu, and what `clock.stands_still` notes; changed in place
     stream : (4,) uint64, state of the random stream; changed in place
     times, fired : (B,) buffers that receive the events, by the model's channels
+    stop : see `Stop`; None where nothing ends the run before
 
     Returns the outcome and the number of events written.
     """
@@ -44,6 +46,8 @@ def advance(model, changes, counts, clock, end, stream, times, fired):
     within = np.empty(n_blocks * BLOCK)  # sums of propensities from the start of the block
     upto = np.empty(n_blocks)  # sums over whole blocks
     s0, s1, s2, s3 = stream[0], stream[1], stream[2], stream[3]
+    if stop is not None:
+        is_watched, table = stop.is_watched, stop.table
     t = clock[0]
     n_events = 0
     outcome = UNFINISHED
@@ -99,13 +103,16 @@ def advance(model, changes, counts, clock, end, stream, times, fired):
         times[n_events] = t
         fired[n_events] = chosen
         n_events += 1
+        if stop is not None and is_watched[chosen] and holds(stop, table, counts):
+            outcome = STOPPED
+            break
     stream[0], stream[1], stream[2], stream[3] = s0, s1, s2, s3
     clock[0] = t
     return outcome, n_events
 
 
 @compiled
-def ensemble(model, changes, work, initial, grid, key, first_run, limits, out, most):
+def ensemble(model, changes, work, initial, grid, key, first_run, limits, out, most, stop=None, reached=None):
     """Counts of many runs on a grid of times: go on with them until about `most` events were made.
 
     model, changes : see `advance`
@@ -117,6 +124,8 @@ def ensemble(model, changes, work, initial, grid, key, first_run, limits, out, m
     limits : (4,) int64, the times of the grid that are needed of runs before a place in the ensemble, and of the
         others; that place; and the number of events at which a run is first looked at
     out : (runs, T, S) int64, receives the counts
+    stop, reached : see `Stop`, and (runs,), which receives the times at which runs end by it, tu; from there on their
+        counts stay as they are
 
     Returns the outcome: REACHED_END where all runs have, UNFINISHED where the events are made or the run at hand is to
     be looked at, or that which stopped the run at hand.
@@ -143,7 +152,7 @@ def ensemble(model, changes, work, initial, grid, key, first_run, limits, out, m
             if room <= 0:
                 return UNFINISHED
             end = grid[n_times - 1]
-            outcome, n_events = advance(model, changes, counts, clock, end, stream, times[:room], fired[:room])
+            outcome, n_events = advance(model, changes, counts, clock, end, stream, times[:room], fired[:room], stop)
             for event in range(n_events):
                 seen = record(state, times[event], grid, seen, out[i])
                 for s in range(n_species):
@@ -151,6 +160,9 @@ def ensemble(model, changes, work, initial, grid, key, first_run, limits, out, m
             notes[PASSED] = seen
             notes[EVENTS] += n_events
             most -= n_events
+        if stop is not None and outcome == STOPPED:
+            reached[i] = clock[0]
+            outcome = REACHED_END
         if outcome != REACHED_END:
             return outcome
         for j in range(seen, n_times):

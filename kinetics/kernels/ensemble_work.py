@@ -1,4 +1,4 @@
-"""Where runs that are made one after another stand between calls of a kernel; plain Python, for all that read it."""
+"""Where runs stand between calls of a kernel, and where they stop; plain Python, for all that read it."""
 
 from typing import NamedTuple
 
@@ -6,6 +6,7 @@ import numpy as np
 
 RUN, PASSED, EVENTS, LOOK = 0, 1, 2, 3  # in `EnsembleWork.notes`
 BEFORE = -1  # in place of the events of a run that has not begun
+HOLDS, FAILS = -1, -2  # where a comparison of a `Stop` leads that decides
 
 
 class EnsembleWork(NamedTuple):
@@ -28,3 +29,25 @@ def ensemble_work(n_species: int) -> EnsembleWork:
     return EnsembleWork(
         np.ones(n_species + 1, dtype=np.int64), np.zeros(3), np.zeros(4, dtype=np.uint64), np.array([0, 0, BEFORE, 0])
     )
+
+
+class Stop(NamedTuple):
+    """The condition at which runs end: comparisons of sums of counts, each of which leads to another, or decides.
+
+    is_watched (G + 1,) bool : channels of the kernel that change what the condition reads; the last stands for none
+    table (n,) : comparisons one after the other: low, high, yes, no, number of terms, and of each term species and
+        weight. Where the sum of the terms is from low to high, the comparison that begins at `yes` comes next, else
+        that at `no`; or these are HOLDS or FAILS. One array, because each costs a kernel time. Empty for a program
+    codes, operands (m,) int32, numbers (m,) : a program in its place, see `programs.Programs`, where the condition
+        compares other things than sums; else empty
+    """
+
+    is_watched: np.ndarray
+    table: np.ndarray
+    codes: np.ndarray
+    operands: np.ndarray
+    numbers: np.ndarray
+
+    def of_channels(self, channels: np.ndarray) -> "Stop":
+        """A copy for a kernel whose channels (G,) are these of the network."""
+        return self._replace(is_watched=np.append(self.is_watched[channels], False))

@@ -26,11 +26,13 @@ from kinetics.kernels.outcomes import (
     OVERFLOW,
     REACHED_END,
     STALLED_CLOCK,
+    STOPPED,
     UNBOUNDED,
     UNDECIDED,
     UNFINISHED,
 )
 from kinetics.kernels.programs import Programs, values
+from kinetics.kernels.stopping import holds
 
 LONGEST = 2.0**80  # window, tu
 
@@ -184,7 +186,7 @@ def settle(model, work, counts, t):
 
 
 @compiled
-def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired):
+def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired, stop=None):
     """Run one trajectory on until it has passed the last time of the grid, or until the draws are used up.
 
     Arguments and result as of `kernels.grouped.advance`.
@@ -192,6 +194,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     n_channels, n_times, n_blocks = model.change_starts.size - 1, grid.size, work.sums.size
     timed, readers, results, sums, upto = model.timed, model.readers, work.results, work.sums, work.upto
     is_timed, has_windows = timed.size > 0, timed.size + model.clocked.size + np.sum(model.is_delayed) > 0
+    if stop is not None:
+        is_watched, table = stop.is_watched, stop.table
     t = clock[0]
     passed, n_events = seen[0], 0
     is_over, chosen = False, 0
@@ -199,6 +203,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     if work.notes[0] == 0:
         work.notes[0] = 1
         outcome = settle(model, work, counts, t)
+        if stop is not None and outcome == REACHED_END and holds(stop, table, counts):
+            outcome = STOPPED
     for draw in range(waits.size):
         if outcome != REACHED_END:
             break
@@ -222,6 +228,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         if not is_candidate:
             is_turn = first_due(work, t) >= 0 or (model.clocked.size > 0 and has_turned(model, work, counts, t))
             outcome = settle(model, work, counts, t) if is_turn else open_window(model, work, counts, t)
+            if stop is not None and is_turn and outcome == REACHED_END and holds(stop, table, counts):
+                outcome = STOPPED
             continue
 
         total = bound
@@ -257,6 +265,9 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
+        if stop is not None and is_watched[chosen] and not model.is_waking[chosen] and holds(stop, table, counts):
+            outcome = STOPPED
+            break
         first, last = model.reader_starts[chosen], model.reader_starts[chosen + 1]
         values(model.programs, readers, first, last, counts, t, work.stack, results)
         work.notes[1] = first_bad(readers, first, last, results)
@@ -275,6 +286,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             outcome = settle(model, work, counts, t)
         elif model.is_reopening[chosen]:
             outcome = open_window(model, work, counts, t)
+        if stop is not None and model.is_waking[chosen] and outcome == REACHED_END and holds(stop, table, counts):
+            outcome = STOPPED  # after the events that this firing has set off
     if is_over:  # the event has not been
         for k in range(model.change_starts[chosen], model.change_starts[chosen + 1]):
             counts[model.changed[k]] -= model.copies[k]

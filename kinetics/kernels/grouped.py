@@ -13,7 +13,8 @@ import numpy as np
 from kinetics.kernels.blocks import BLOCK, channel_at, factored
 from kinetics.kernels.clock import move_on
 from kinetics.kernels.compiled import compiled
-from kinetics.kernels.outcomes import OVERFLOW, UNFINISHED
+from kinetics.kernels.outcomes import OVERFLOW, STOPPED, UNFINISHED
+from kinetics.kernels.stopping import holds
 
 
 class GroupedModel(NamedTuple):
@@ -64,7 +65,7 @@ def start(model, work, counts):
 
 
 @compiled
-def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired):
+def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired, stop=None):
     """Run one trajectory on until it has passed the last time of the grid, or until the draws are used up.
 
     model, work : see `GroupedModel` and `GroupedWork`; work is changed in place
@@ -74,6 +75,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     waits, uniforms : (D,) draws
     grid, out : (T,) tu and (T, S), receives the counts
     times, fired : receive the events; (D,), or (0,) where nobody asks for them
+    stop : see `Stop`; None where nothing ends the run before
 
     Returns the outcome.
     """
@@ -81,6 +83,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     species, readers, touched = model.species, model.readers, model.touched
     propensities, sums, upto = work.propensities, work.sums, work.upto
     n_blocks, n_channels = sums.size, propensities.size
+    if stop is not None:
+        is_watched, table = stop.is_watched, stop.table
     t = clock[0]
     passed, n_events = seen[0], 0
     outcome = UNFINISHED
@@ -124,6 +128,9 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
+        if stop is not None and is_watched[chosen] and holds(stop, table, counts):
+            outcome = STOPPED
+            break
     if is_over:  # the event has not been
         for k in range(channels[6 * chosen + 4], channels[6 * chosen + 5]):
             counts[changes[2 * k]] -= changes[2 * k + 1]

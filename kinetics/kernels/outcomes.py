@@ -18,3 +18,4 @@ CROWDED = 11  # too many delayed events wait
 # Given to a run between calls, see `sampling.watch`.
 MOST_EVENTS = 12  # it has made as many events as it may
 ENDLESS_RUN = 13  # it would come to more, by its rate equations
+STOPPED = 14  # the condition holds at which it is to end

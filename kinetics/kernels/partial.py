@@ -28,7 +28,8 @@ import numpy as np
 from kinetics.kernels.blocks import BLOCK
 from kinetics.kernels.clock import move_on
 from kinetics.kernels.compiled import compiled
-from kinetics.kernels.outcomes import OVERFLOW, UNFINISHED
+from kinetics.kernels.outcomes import OVERFLOW, STOPPED, UNFINISHED
+from kinetics.kernels.stopping import holds
 
 REFRESH = 1024  # steps after which L is made afresh
 UNIT = 2.0**-53  # largest relative error of one rounding
@@ -122,7 +123,7 @@ def eight(parts, i):
 
 
 @compiled
-def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired):
+def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired, stop=None):
     """Run one trajectory on until it has passed the last time of the grid, or until the draws are used up.
 
     Arguments and result as of `kernels.grouped.advance`.
@@ -132,6 +133,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     change_starts, change_owners, change_copies = model.change_starts, model.change_owners, model.change_copies
     species = model.species
     copies, partials, sums, blocks, spans = work.copies, work.partials, work.sums, work.blocks, work.spans
+    if stop is not None:
+        is_watched, table = stop.is_watched, stop.table
     # Unsigned: indices need no check for negative ones.
     one, side, width, n_spans = np.uint64(1), np.uint64(BLOCK), np.uint64(sums.size), np.uint64(spans.size)
     t, passed, n_events, age = clock[0], seen[0], 0, work.age[0]
@@ -218,6 +221,9 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
+        if stop is not None and is_watched[chosen] and holds(stop, table, counts):
+            outcome = STOPPED
+            break
     if is_over:  # the event has not been
         for k in range(np.uint64(change_starts[chosen]), np.uint64(change_starts[chosen + one])):
             counts[np.uint64(species[np.uint64(change_owners[k])])] -= change_copies[k]

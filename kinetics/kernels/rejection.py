@@ -26,7 +26,8 @@ import numpy as np
 
 from kinetics.kernels.clock import move_on
 from kinetics.kernels.compiled import compiled
-from kinetics.kernels.outcomes import OVERFLOW, UNFINISHED
+from kinetics.kernels.outcomes import OVERFLOW, STOPPED, UNFINISHED
+from kinetics.kernels.stopping import holds
 
 N_OCTAVES = 32
 HEADROOM = 8  # octaves above the largest sum when the bins are laid out
@@ -185,7 +186,7 @@ def pick(target, lowest, highest, sizes, uppers, inverses, masses, members, grou
 
 
 @compiled
-def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired):
+def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired, stop=None):
     """Run one trajectory on until it has passed the last time of the grid, or until the draws are used up.
 
     Arguments and result as of `kernels.grouped.advance`.
@@ -193,6 +194,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     channels, factors, words, lists = model.channels, model.factors, model.words, model.lists
     groups, places, members, sizes = work.groups, work.places, work.members, work.sizes
     uppers, inverses, masses = work.uppers, work.inverses, work.masses
+    if stop is not None:
+        is_watched, table = stop.is_watched, stop.table
     # Unsigned: indices need no check for negative ones.
     one, two, three, n_groups = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(groups.size)
     base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]
@@ -255,16 +258,16 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             outcome = OVERFLOW
             break
         is_beyond = False
-        stop = np.uint64(words[event + one])
-        is_joint = stop > 0
+        list_end = np.uint64(words[event + one])
+        is_joint = list_end > 0
         while True:
             if not is_joint:
                 if first == begin:
                     break
                 head = np.uint64(lists[words[first]])
                 first += three
-                stop = np.uint64(words[head])
-            for i in range(begin if is_joint else head + one, stop):
+                list_end = np.uint64(words[head])
+            for i in range(begin if is_joint else head + one, list_end):
                 code = words[i]
                 group = np.uint64(code >> np.uint32(1))
                 part = groups[group].partial
@@ -320,6 +323,9 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = fires
         n_events += 1
+        if stop is not None and is_watched[fires] and holds(stop, table, counts):
+            outcome = STOPPED
+            break
     if is_over:  # the event has not been; undone out here, it costs the others nothing
         for k in range(event + two, event + two + three * np.uint64(words[event]), three):
             gain = (np.uint64(words[k + two]) << np.uint64(32)) | np.uint64(words[k + one])

@@ -1,32 +1,35 @@
-"""Checks of what a chain is made of: generator, start, labels and rewards."""
+"""Checks of the parts of a chain: rates, start, variables, labels, rewards, and the edge of a truncated one."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.support.arrays import Floats, read_only, real_number, reals, whole_number
+from kinetics.markov.transient import Transitions
+from kinetics.network.predicates import DEADLOCK, INIT, StateNames
+from kinetics.support.arrays import Floats, integers, read_only, real_number, reals, whole_number
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 ROUNDED = 1e-9  # relative to the exit rate: by which a row of a generator may miss 0
 LARGEST = 1e300  # exit rate, 1/tu: sums of more are beyond what numbers hold
-LEAST_REWARD = 1e-200  # so that what is earned in a short time does not fall below what numbers hold
+LEAST_REWARD = 1e-200  # so that a reward in a short time does not fall below what numbers hold
 NORMED = 1e-9  # by which a distribution may miss 1; it is then scaled
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class Reward:
-    """What a chain earns: `rates` (N,) a time unit in each state, `impulses` (N, N), sparse, at each jump.
+    """A reward: `rates` (N,) a time unit in each state, `impulses` (N, N), sparse, at each jump.
 
     None is negative; either may be None, for nothing.
 
-    most : what is earned a time unit at most where the chain is lost, impulses included; None where nobody knows
+    most : largest rate at which it accumulates where the chain is truncated, impulses included; None where nobody knows
     error : relative, of `rates` and `impulses`
 
     >>> from kinetics import Chain, Reward
@@ -40,6 +43,66 @@ class Reward:
     impulses: Any = None
     most: float | None = None
     error: float = 0.0
+
+
+def checked_parts(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The parts of a `Chain` by name, as arrays that belong together; a ValueError where they do not.
+
+    Conditions of labels may name variables, that of the truncated states labels too, and formulas of rewards both.
+    """
+    known, variables = given["transitions"], tuple(given["variables"])
+    if not isinstance(known, Transitions):
+        known = _transitions_of(known)
+    n, edge = known.size, given["truncated"]
+    counts = None if given["counts"] is None else integers("counts", given["counts"], (n, len(variables)))
+    if counts is None and variables:
+        raise ValueError(f"variables {', '.join(variables)} came without counts; give their values in every state")
+    checked_names(given["labels"], "label", dict.fromkeys(variables))
+    checked_names(given["rewards"], "reward", {})
+    initial = checked_start(given["initial"], n)
+    truncated = np.zeros(n, dtype=bool) if edge is None or isinstance(edge, str) else checked_mask("truncated", edge, n)
+    names = StateNames(n, variables, counts, built_in(known, initial, truncated, variables))
+    labels = {name: states_of(names, target, f"label {name!r}") for name, target in given["labels"].items()}
+    names.labels = {**names.labels, **labels}
+    if isinstance(edge, str):
+        truncated = names.holds(edge)
+        names.labels = {**built_in(known, initial, truncated, variables), **labels}
+    return {
+        "transitions": known.stopped(truncated) if truncated.any() else known,
+        "initial": initial,
+        "labels": labels,
+        "rewards": {name: _reward(names, name, reward) for name, reward in given["rewards"].items()},
+        "variables": variables,
+        "counts": counts,
+        "truncated": read_only(truncated),
+    }
+
+
+def built_in(known: Transitions, initial: Floats, truncated: Mask, taken: Sequence[str] = ()) -> dict[str, Mask]:
+    """The labels of every chain, but for names that are taken: where it starts, and where no rate leads on."""
+    stuck = np.bincount(known.rows[known.rates > 0], minlength=known.size) == 0
+    found = {INIT: initial > 0, DEADLOCK: stuck & ~truncated}  # what lies beyond the edge is not known
+    return {name: mask for name, mask in found.items() if name not in taken}
+
+
+def states_of(names: StateNames, target: str | ArrayLike, what: str) -> Mask:
+    """The states (N,) of a condition, or of truths (N,)."""
+    return names.holds(target) if isinstance(target, str) else checked_mask(what, target, names.n_states)
+
+
+def _reward(names: StateNames, name: str, given: Reward | ArrayLike | str) -> Reward:
+    if isinstance(given, Reward):
+        return checked_reward(name, given, names.n_states)
+    rates, error = names.values(given) if isinstance(given, str) else (given, 0.0)
+    return checked_reward(name, Reward(rates, error=error), names.n_states)
+
+
+def _transitions_of(generator: Any) -> Transitions:
+    """The rates of a generator, which are exact as given."""
+    rates = checked_rates(generator)
+    entries = rates.tocoo()
+    ends = entries.row.astype(np.int64), entries.col.astype(np.int64)
+    return Transitions(*ends, entries.data, np.zeros(rates.shape[0]), rate_error=0.0)
 
 
 def checked_rates(generator: Any) -> csr_array:
@@ -131,7 +194,7 @@ def checked_names(names: Mapping[str, Any], what: str, taken: Mapping[str, Any])
 
 
 def checked_reward(name: str, given: Reward, n: int) -> Reward:
-    """The same as arrays, none negative."""
+    """A reward with its parts as arrays, none negative."""
     rates = np.zeros(n) if given.rates is None else reals(f"reward {name!r}", given.rates, (n,))
     impulses = None if given.impulses is None else square(f"impulses of reward {name!r}", given.impulses, n)
     least = min(rates.min(), 0.0 if impulses is None or not impulses.nnz else impulses.data.min())

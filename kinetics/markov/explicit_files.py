@@ -2,7 +2,7 @@
 
 https://www.prismmodelchecker.org/manual/Appendices/ExplicitModelFiles. Of several rewards each has files of its own,
 `model1.srew`, `model2.srew`, ..., and their first line gives the name. A `.tra` file may also begin as Storm's do,
-with the word `ctmc` in the place of the sizes. A jump from a state to itself changes nothing but what it earns, which
+with the word `ctmc` in the place of the sizes. A jump from a state to itself changes nothing but a reward, which
 becomes a reward a time unit of that state.
 """
 
@@ -12,17 +12,19 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.markov.chain import DEADLOCK, INIT, Chain
+from kinetics.markov.chain import Chain
 from kinetics.markov.checks import Reward
 from kinetics.markov.prism_model import prism_names
 from kinetics.markov.transient.search import MAX_STATES
 from kinetics.markov.transient.transitions import totals
+from kinetics.network.predicates import DEADLOCK, INIT
 from kinetics.support.arrays import Floats
 from kinetics.support.limits import check_names, text_in
 from kinetics.support.memory import check_memory
@@ -45,7 +47,7 @@ def read_explicit(path: str | Path) -> Chain:
     ... 0 1 0.1
     ... 1 0 2''')
     ...     pump = read_explicit(f"{folder}/pump.tra")
-    >>> round(pump.in_the_end([False, True]).value, 6)
+    >>> round(pump.steady_state([False, True]).value, 6)
     0.047619
     """
     file = Path(path)
@@ -68,7 +70,7 @@ def read_explicit(path: str | Path) -> Chain:
     stays = totals(rows[~moves], rates[~moves], n)
     chain = Chain(generator, int(starts[0]), labels, dict(_rewards(file, n, stays)), variables, counts)
     missing = {name: mask for name, mask in chain.built_in.items() if name not in (*labels, *variables)}
-    return chain.with_labels({**labels, **missing}) if missing else chain
+    return replace(chain, labels={**labels, **missing}) if missing else chain
 
 
 def write_explicit(chain: Chain, path: str | Path) -> None:
@@ -86,10 +88,10 @@ def write_explicit(chain: Chain, path: str | Path) -> None:
     >>> with TemporaryDirectory() as folder:
     ...     write_explicit(pump, f"{folder}/pump.tra")
     ...     same = read_explicit(f"{folder}/pump.tra")
-    >>> same.generator.toarray().tolist(), same.labels["down"].tolist()
-    ([[0.0, 0.1], [2.0, 0.0]], [False, True])
+    >>> same.transitions.generator().toarray().tolist(), same.labels["down"].tolist()
+    ([[-0.1, 0.1], [2.0, -2.0]], [False, True])
     """
-    if np.any(chain.lost):
+    if np.any(chain.truncated):
         raise ValueError("the chain is a part of a larger one, which a .tra file cannot say; list all of its states")
     file = Path(path)
     if file.suffix != ".tra":
@@ -141,8 +143,8 @@ def _check_written(chain: Chain, file: Path, contents: Mapping[Path, str]) -> No
         "labels": len(masks) != len(again.labels) or not all(map(np.array_equal, masks, again.labels.values())),
         "rewards": len(chain.rewards) != len(again.rewards),
     }
-    earned: Any = zip(chain.rewards.items(), again.rewards.values(), strict=False)
-    for (name, reward), other in earned:
+    rewards: Any = zip(chain.rewards.items(), again.rewards.values(), strict=False)
+    for (name, reward), other in rewards:
         is_other = not np.array_equal(reward.rates, other.rates) or _differ(reward.impulses, other.impulses)
         wrong[f"reward {name!r}"] = is_other
     if any(wrong.values()):
@@ -169,10 +171,10 @@ def _reward_files(file: Path, chain: Chain) -> Iterator[tuple[Path, str]]:
         each: Any = reward
         stem = file.with_name(file.stem + (str(k) if len(chain.rewards) > 1 else ""))
         heading = f'# Reward structure "{spelled[name]}"'
-        earned = np.flatnonzero(each.rates)
-        values = zip(earned.tolist(), np.asarray(each.rates)[earned].tolist(), strict=True)
+        places = np.flatnonzero(each.rates)
+        values = zip(places.tolist(), np.asarray(each.rates)[places].tolist(), strict=True)
         state_lines = [f"{i} {value!r}" for i, value in values]
-        yield Path(f"{stem}.srew"), _text([heading, "# State rewards", f"{len(chain)} {earned.size}", *state_lines])
+        yield Path(f"{stem}.srew"), _text([heading, "# State rewards", f"{len(chain)} {places.size}", *state_lines])
         if each.impulses is not None:
             jumps = each.impulses.tocoo()
             rows = zip(jumps.row.tolist(), jumps.col.tolist(), jumps.data.tolist(), strict=True)

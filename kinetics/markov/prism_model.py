@@ -13,11 +13,12 @@ from math import factorial
 
 import numpy as np
 
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.checks import spelled_apart
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import TRUTHS, Code
 from kinetics.network.laws.reading import LONGEST, shortened
+from kinetics.network.network import check_homogeneous
 from kinetics.support.arrays import Ints
 
 # Words of the language, which nothing may have for a name, and the label that it gives.
@@ -53,21 +54,20 @@ def prism_names(names: Sequence[str], taken: Collection[str] = ()) -> dict[str, 
     return dict(zip(names, spelled_apart(names, plain, taken), strict=True))
 
 
-def prism_text(
-    network: Network, initial: Ints, most: Ints, observables: Mapping[str, Mapping[str, float]] | None = None
-) -> str:
-    """The model of a network from counts (S,), with at most so many (S,) copies of each species.
+def prism_text(model: Model, most: Ints) -> str:
+    """A model in the language of PRISM, with at most so many (S,) copies of each species.
 
     ValueError: rates depend on time, there are events, or a rate law uses a function that PRISM has not
 
     >>> import numpy as np
-    >>> from kinetics import Network
+    >>> from kinetics import Model, Network
     >>> from kinetics.markov import prism_text
-    >>> text = prism_text(Network.from_text("make: A -> B, 2"), np.array([5, 0]), np.array([5, 5]))
+    >>> text = prism_text(Model(Network.from_text("make: A -> B, 2"), {"A": 5}), np.array([5, 5]))
     >>> [line.strip() for line in text.splitlines() if "->" in line]
     ["[] n_A >= 1 -> 2.0 * 1.0 * n_A : (n_A' = n_A - 1) & (B' = B + 1);"]
     """
-    network.check_homogeneous()
+    network, initial = model.network, model.initial
+    check_homogeneous(network)
     names = prism_names(network.species)
     tops = np.maximum(most, initial).tolist()
     # a variable needs two values
@@ -76,7 +76,7 @@ def prism_text(
         for name, top, count in zip(network.species, tops, initial.tolist(), strict=True)
     ]
     commands = [_command(network, channel, names) for channel in range(len(network.channels))]
-    sums = {name: {name: 1.0} for name in network.species} | dict(observables or {})
+    sums = {name: {name: 1.0} for name in network.species} | dict(model.observables)
     spelled = prism_names(list(sums))
     rewards = [
         f'rewards "{spelled[name]}"\n  true : '
@@ -93,14 +93,14 @@ def _check_identifiers(text: str) -> None:
     """A ValueError where the lines of a model hold other names than those they declare, or none that PRISM takes."""
     lines = [line for line in text.splitlines() if not line.startswith("  //")]
     declared = [found[1] for line in lines if (found := VARIABLE.fullmatch(line))]
-    earned = [found[1] for line in lines if (found := re.fullmatch(r'rewards "(.*)"', line))]
+    rewarded = [found[1] for line in lines if (found := re.fullmatch(r'rewards "(.*)"', line))]
     known = {*declared, *CALLED.values(), "true"}
     used = [word for line in lines if line.startswith(("  []", "  true")) for word in WORD.findall(line)]
     others = [
         line for line in lines if not line.startswith("  ") and line not in FRAME and not line.startswith("rewards")
     ]
-    wrong = [name for name in (*declared, *earned) if not WORD.fullmatch(name) or name in TAKEN]
-    doubled = [name for names in (declared, earned) for name, count in Counter(names).items() if count > 1]
+    wrong = [name for name in (*declared, *rewarded) if not WORD.fullmatch(name) or name in TAKEN]
+    doubled = [name for names in (declared, rewarded) for name, count in Counter(names).items() if count > 1]
     unknown = [word for word in used if word not in known]
     for name in (*wrong, *doubled, *unknown, *others):
         raise ValueError(f"the model would hold {name[:80]!r}, which PRISM would misread; rename what is written so")

@@ -2,12 +2,12 @@
 
     P=? [ F phi ]  P=? [ G phi ]  P=? [ phi U psi ]    each also with a time bound: F<=100, G<=100, U<=100
     S=? [ phi ]                                         after infinite time
-    R{"name"}=? [ I=t ]  [ C<=t ]  [ F phi ]  [ S ]     rate at a time, total up to t or until phi, rate in the end
+    R{"name"}=? [ I=t ]  [ C<=t ]  [ F phi ]  [ S ]     rate at a time, total up to t or until phi, steady rate
     E[name] @ t                                         the first of these for short: the mean of a count at a time
     R{"time"}=? [ F phi ]                               mean time until phi
 
-phi and psi are conditions on counts and labels: see `predicates`. The words F, G, U, I, C and S stand for themselves
-only where these forms have them; a species with such a name is quoted: F "S" >= 1.
+phi and psi are conditions on counts and labels: see `network.predicates`. The words F, G, U, I, C and S stand for
+themselves only where these forms have them; a species with such a name is quoted: F "S" >= 1.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.markov.answers import ChainAnswer
 from kinetics.markov.chain import Chain
-from kinetics.markov.predicates import StateNames, names_in
 from kinetics.network.laws.reading import LONGEST, shortened
+from kinetics.network.predicates import StateNames, names_in
+from kinetics.support.answer import Answer
 
 Answer_co = TypeVar("Answer_co", covariant=True)
 FRAME = re.compile(r'(P|S|R)\s*(?:\{\s*"([^"]*)"\s*\}\s*)?=\s*\?\s*\[(.*)\]', re.DOTALL)
@@ -47,7 +47,7 @@ class Answering(Protocol[Answer_co]):
         """P=? [ G<=by states ]."""
         ...
 
-    def in_the_end(self, states: str) -> Answer_co:
+    def steady_state(self, states: str) -> Answer_co:
         """S=? [ states ]."""
         ...
 
@@ -123,7 +123,7 @@ class StationaryQuery:
 
     def of(self, chain: Answering[Answer_co]) -> Answer_co:
         """The answer of a chain, or its derivatives of a `Sensitivity`."""
-        return chain.in_the_end(self.states)
+        return chain.steady_state(self.states)
 
     @property
     def settled(self) -> Settled | None:
@@ -142,8 +142,8 @@ class RewardQuery:
 
     def of(self, chain: Answering[Answer_co]) -> Answer_co:
         """The answer of a chain, or its derivatives of a `Sensitivity`."""
-        in_the_end = self.at is None and self.up_to is None and self.until is None
-        return chain.reward(self.name, self.at, self.up_to, self.until, in_the_end)
+        stationary = self.at is None and self.up_to is None and self.until is None
+        return chain.reward(self.name, self.at, self.up_to, self.until, stationary)
 
     @property
     def settled(self) -> Settled | None:
@@ -154,7 +154,7 @@ class RewardQuery:
 Query = UntilQuery | AlwaysQuery | StationaryQuery | RewardQuery
 
 
-def ask(chain: Chain, question: str) -> ChainAnswer:
+def ask(chain: Chain, question: str) -> Answer:
     """The answer of a chain to a question as text; a ValueError where it cannot be read or has no finite answer.
 
     question : in the notation of PRISM and Storm, such as `P=? [ F<=100 A >= 1 ]`, with `U`, `G`, `S=?` and `R=?` too

@@ -1,4 +1,4 @@
-"""What a chain earns in each state, and limits of it."""
+"""The rewards of a chain by name, and their bounds where it is truncated."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.markov.answers import ChainAnswer
 from kinetics.markov.checks import Reward, checked_reward
+from kinetics.support.answer import Answer, weakest
 from kinetics.support.arrays import Floats
 
 TIME = "time"
@@ -20,7 +20,7 @@ def named_reward(
 ) -> Reward:
     """The reward of a name, or the value of a variable; None for the only reward there is.
 
-    `time`, where nothing else is called so, is earned at rate 1: its mean until a target is that of the passage time.
+    `time`, where nothing else is called so, accumulates at rate 1: its mean until a target is that of the passage time.
     ValueError: there is none of this name, or a variable is below 0 in a state.
     """
     if name is None and len(rewards) == 1:
@@ -36,21 +36,21 @@ def named_reward(
     raise ValueError(f"{came}; there are {there}")
 
 
-def earned(
-    mean: Callable[[Floats], ChainAnswer], rates: Floats, lost: NDArray[np.bool_], most: float | None
-) -> ChainAnswer:
-    """Mean of what is earned at `rates` (N,), where `mean` answers for any values (N,).
+def truncation_bounds(
+    mean: Callable[[Floats], Answer], rates: Floats, truncated: NDArray[np.bool_], most: float | None
+) -> Answer:
+    """Mean of a reward at `rates` (N,), where `mean` answers for any values (N,).
 
-    Where the chain is lost (N,), it is nothing at least, and at most the larger of `most` and what any state here earns
-    a time unit; None: nobody knows.
+    In truncated states (N,) it is 0 at least, and at most the larger of `most` and the largest rate of other states;
+    None: nobody knows.
     """
-    known = mean(np.where(lost, 0.0, rates))
-    if not lost.any():
+    known = mean(np.where(truncated, 0.0, rates))
+    if not truncated.any():
         return known
-    away = mean(lost.astype(float))
+    away = mean(truncated.astype(float))
     if away.high == 0.0:
         return known
-    # what is lost may come back, and then earn what states here do
-    more = np.inf if most is None else 1.001 * max(most, float(rates[~lost].max(initial=0.0))) * away.high
+    # a run that left may come back, and then accumulates at the rates of states here
+    more = np.inf if most is None else 1.001 * max(most, float(rates[~truncated].max(initial=0.0))) * away.high
     seconds = known.cpu_seconds + away.cpu_seconds
-    return replace(known, high=known.high + more, is_bound=known.is_bound and away.is_bound, cpu_seconds=seconds)
+    return replace(known, high=known.high + more, kind=weakest(known, away), cpu_seconds=seconds)

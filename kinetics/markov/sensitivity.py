@@ -1,4 +1,4 @@
-"""`Sensitivity`: what the rates do to the answers of a chain, exactly: all derivatives at once, with limits."""
+"""`Sensitivity`: what the rates do to the answers of a chain, exactly: all derivatives at once, with bounds."""
 
 from __future__ import annotations
 
@@ -9,35 +9,37 @@ from typing import Any
 
 import numpy as np
 
-from kinetics.markov.chain import Chain, Mask, Target
+from kinetics.markov.chain import Chain, Target, impulse_reward, reward_asked
 from kinetics.markov.checks import Reward, square
 from kinetics.markov.derivatives import (
     LARGEST_ORDER,
     ChannelEntries,
     Density,
     Derivatives,
-    Slopes,
-    slopes_always,
-    slopes_at,
-    slopes_by_squaring,
-    slopes_earned,
-    slopes_in_the_end,
-    slopes_moment,
-    slopes_quantile,
-    slopes_sd,
-    slopes_until,
-    slopes_up_to,
+    Gradient,
+    gradient_accumulated,
+    gradient_always,
+    gradient_at,
+    gradient_by_squaring,
+    gradient_moment,
+    gradient_quantile,
+    gradient_sd,
+    gradient_steady,
+    gradient_until,
+    gradient_up_to,
 )
 from kinetics.markov.derivatives.squaring import MAX_SQUARED
-from kinetics.markov.in_time import mean_at, one_time, steps_to, stopped_in
-from kinetics.markov.passage.backward import LimitedValue
+from kinetics.markov.network_questions import chain_to
+from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import totals
 from kinetics.markov.transient.uniformisation import STEP_SECONDS
-from kinetics.network import Network
-from kinetics.network.sums import Counted, summed
+from kinetics.markov.transient_means import mean_at, one_time, steps_to, stopped_in
+from kinetics.network import Model, Network
+from kinetics.network.sums import Counted
+from kinetics.support.answer import Answer, kind_of, weakest
 from kinetics.support.arrays import Counts, Floats, real_number, whole_number
-from kinetics.support.cli.progress import forecast
+from kinetics.support.cli.progress import allowed, forecast, limit_in_words
 from kinetics.support.tables import rough
 
 ADJOINT, SQUARING = "adjoint uniformisation", "squaring, with its derivative"
@@ -63,13 +65,13 @@ class Sensitivity:
     >>> from kinetics import Chain, Network, Sensitivity
     >>> steps = Network.from_text('''first: A -> B, 1
     ... second: B -> C, 4''')
-    >>> slopes = Sensitivity(Chain.of(steps, {"A": 1})).passage("C == 1")  # of the mean, 1/1 + 1/4
-    >>> dict(zip(slopes.parameters, slopes.value.round(9).tolist())), slopes.elasticity.round(9).tolist()
+    >>> gradient = Sensitivity(Chain.of(steps, {"A": 1})).passage("C == 1")  # of the mean, 1/1 + 1/4
+    >>> dict(zip(gradient.parameters, gradient.value.round(9).tolist())), gradient.elasticity.round(9).tolist()
     ({'first': -1.0, 'second': -0.25}, [-0.8, -0.2])
     """
 
     def __init__(self, chain: Chain, parameters: Mapping[str, Any] | None = None) -> None:
-        chain.check_whole("derivatives")
+        chain.check_complete("derivatives")
         transitions, space = chain.transitions, chain.space
         self._chain, self._start = chain, np.asarray(chain.initial)
         self._shares: Floats | None = None
@@ -99,44 +101,44 @@ class Sensitivity:
         goal = self._chain.states(target)
         ways = np.ones(len(goal), dtype=bool) if through is None else self._chain.states(through, "through")
         if by is None:
-            return self._answer(lambda: slopes_until(self._entries, self._start, ways, goal), EQUATIONS)
+            return self._answer(lambda: gradient_until(self._entries, self._start, ways, goal), EQUATIONS)
         return _probability(self._at(goal[None, :].astype(float), by, stops=goal | ~ways)[0])
 
     def always(self, states: Target, by: float | None = None) -> Derivatives:
         """Derivatives of the answer of `Chain.always`."""
         kept = self._chain.states(states)
         if by is None:
-            return self._answer(lambda: slopes_always(self._entries, self._start, kept), EQUATIONS)
+            return self._answer(lambda: gradient_always(self._entries, self._start, kept), EQUATIONS)
         return _probability(self._at(kept[None, :].astype(float), by, stops=~kept)[0])
 
-    def in_the_end(self, states: Target) -> Derivatives:
-        """Derivatives of the answer of `Chain.in_the_end`."""
+    def steady_state(self, states: Target) -> Derivatives:
+        """Derivatives of the answer of `Chain.steady_state`."""
         held = self._chain.states(states).astype(float)
-        return _probability(self._answer(lambda: slopes_in_the_end(self._entries, self._start, held), EQUATIONS))
+        return _probability(self._answer(lambda: gradient_steady(self._entries, self._start, held), EQUATIONS))
 
     def passage(self, target: Target) -> Derivatives:
         """Derivatives of the mean first-passage time to a target that is certain."""
         goal = self._chain.states(target)
         ones = np.ones(goal.size)
-        return self._answer(lambda: slopes_earned(self._entries, self._start, ones, goal), EQUATIONS)
+        return self._answer(lambda: gradient_accumulated(self._entries, self._start, ones, goal), EQUATIONS)
 
     def passage_moment(self, target: Target, order: int) -> Derivatives:
         """Derivatives of the mean of a power of the first-passage time, tu**order, to a target that is certain."""
         goal, power = self._chain.states(target), whole_number("order", order, 1)
         if power > LARGEST_ORDER:
             raise ValueError(f"order = {power}; moments are known up to {LARGEST_ORDER}")
-        return self._answer(lambda: slopes_moment(self._entries, self._start, goal, power), EQUATIONS)
+        return self._answer(lambda: gradient_moment(self._entries, self._start, goal, power), EQUATIONS)
 
     def passage_sd(self, target: Target) -> Derivatives:
         """Derivatives of the standard deviation of the first-passage time to a target that is certain."""
         goal = self._chain.states(target)
 
-        def slopes() -> Slopes:
+        def gradient() -> Gradient:
             found = self._chain.passage(target)
-            sd = LimitedValue.within(found.sd, found.sd_error, found.is_bound)
-            return slopes_sd(self._entries, self._start, goal, sd)
+            sd = Answer.within(found.sd, found.sd_error, found.is_bound)
+            return gradient_sd(self._entries, self._start, goal, sd)
 
-        return self._answer(slopes, EQUATIONS)
+        return self._answer(gradient, EQUATIONS)
 
     def passage_quantile(self, target: Target, q: float) -> Derivatives:
         """Derivatives of the time by which the target has been reached with probability q, as good as that is known.
@@ -153,15 +155,15 @@ class Sensitivity:
                 f"the target is reached with probability {found.probability:.6g} only, so q = {q:g} is never reached; "
                 f"ask for a smaller q"
             )
-        quantile = LimitedValue(float(found.quantile(q)), float(low), float(high), found.is_bound)
+        quantile = Answer(float(found.quantile(q)), float(low), float(high), kind_of(found.is_bound))
         # the smaller of the probabilities of being there and of being on the way is known better
         held, sign = (goal, 1.0) if q <= 0.5 else (~goal, -1.0)
         cdf = self._at(held[None, :].astype(float), quantile.value, stops=goal)[0]
         wide = np.maximum(cdf.high - cdf.value, cdf.value - cdf.low)
-        slopes = Slopes(quantile, sign * cdf.value, wide, cdf.is_bound)
+        gradient = Gradient(quantile, sign * cdf.value, wide, cdf.is_bound)
         if quantile.value > 0.0:
-            slopes = slopes_quantile(slopes, quantile, self._density(goal, quantile.value), self._largest_share)
-        return self._derivatives(slopes, cdf.method, time.process_time() - began)
+            gradient = gradient_quantile(gradient, quantile, self._density(goal, quantile.value), self._largest_share)
+        return self._derivatives(gradient, cdf.method, time.process_time() - began)
 
     def _density(self, goal: Mask, at: float) -> Density:
         """Of the time to a target, at a time, tu."""
@@ -172,8 +174,8 @@ class Sensitivity:
         space = stopped_in(self._chain.space, goal)
         found, bend = (mean_at(chain, self._start, values, at, space) for values in (into, steep))
         rounded = ROUNDOFF * (chain.roundings + np.bincount(chain.rows, minlength=1).max() + 2.0)
-        limited = LimitedValue(found.value, found.low, found.high, found.is_bound and bend.is_bound).wider(rounded)
-        return Density(limited, 1.001 * bend.high, 1.001 * float(into.max()), 1.001 * float(chain.exits.max()))
+        density = replace(found, kind=weakest(found, bend)).inflated(rounded)
+        return Density(density, 1.001 * bend.high, 1.001 * float(into.max()), 1.001 * float(chain.exits.max()))
 
     @property
     def _largest_share(self) -> float:
@@ -188,35 +190,38 @@ class Sensitivity:
         stationary: bool = False,
     ) -> Derivatives:
         """Derivatives of the answer of `Chain.reward`."""
-        given = self._chain.reward_asked(name, at, up_to, until, stationary)
+        given = reward_asked(self._chain, name, at, up_to, until, stationary)
         if given.error:
             found = self._of_reward(given, at, up_to, until)
             return replace(found, is_bound=False)  # how a rounded reward weighs in differences, nobody knows
         return self._of_reward(given, at, up_to, until)
 
     def _of_reward(self, given: Reward, at: float | None, up_to: float | None, until: Target | None) -> Derivatives:
-        earning, worth = np.asarray(given.rates), self._chain.worth(given)
+        rewards, impulses = np.asarray(given.rates), impulse_reward(self._chain, given)
         if at is not None:
-            return self.means(earning[None, :], at)[0]
+            return self.means(rewards[None, :], at)[0]
         if up_to is not None:
             end = one_time("up_to", up_to)
-            return self._answer(lambda: slopes_up_to(self._entries, self._start, earning, end, worth), ADJOINT)
+            return self._answer(lambda: gradient_up_to(self._entries, self._start, rewards, end, impulses), ADJOINT)
         if until is not None:
             goal = self._chain.states(until)
-            return self._answer(lambda: slopes_earned(self._entries, self._start, earning, goal, worth), EQUATIONS)
-        return self._answer(lambda: slopes_in_the_end(self._entries, self._start, earning, worth), EQUATIONS)
+            return self._answer(
+                lambda: gradient_accumulated(self._entries, self._start, rewards, goal, impulses), EQUATIONS
+            )
+        return self._answer(lambda: gradient_steady(self._entries, self._start, rewards, impulses), EQUATIONS)
 
-    def means(self, values: Floats, at: float, max_seconds: float = MAX_SECONDS) -> list[Derivatives]:
+    def means(self, values: Floats, at: float, max_seconds: float | None = None) -> list[Derivatives]:
         """Derivatives of the means of F functions (F, N) of the state, none negative, at a time, tu.
 
         Cost: one pass forwards for all, and one backwards for each.
 
-        max_seconds : work roughly estimated to take longer is refused before it starts
+        max_seconds : work roughly estimated to take longer is refused before it starts  [default: 7200, or the budget
+            of the command at work]
         """
         return self._at(values, at, max_seconds)
 
     def _at(
-        self, values: Floats, at: float, max_seconds: float = MAX_SECONDS, stops: Mask | None = None
+        self, values: Floats, at: float, max_seconds: float | None = None, stops: Mask | None = None
     ) -> list[Derivatives]:
         """Of means at a time, of the chain that is stopped."""
         end, entries, space = one_time("time", at), self._entries, self._chain.space
@@ -225,39 +230,43 @@ class Sensitivity:
             space = stopped_in(space, stops)
         steps = steps_to(entries.transitions, self._start, values.sum(axis=0), end)
         if len(self._chain) <= MAX_SQUARED and steps > FEW_STEPS:
-            return self._answers(lambda: slopes_by_squaring(entries, self._start, values, end, space), SQUARING)
+            return self._answers(lambda: gradient_by_squaring(entries, self._start, values, end, space), SQUARING)
         seconds = steps * STEP_SECONDS * (entries.transitions.rates.size + len(self._chain)) * (1 + 3 * len(values))
-        if seconds > max_seconds:
+        most = allowed(MAX_SECONDS) if max_seconds is None else max_seconds
+        if seconds > most:
             raise ValueError(
                 f"derivatives of {len(values)} means would take {steps:.3g} steps until {end:g} tu, up to "
-                f"{seconds:.3g} s; at most {max_seconds:g} s: ask for an earlier time, or start from fewer copies"
+                f"{seconds:.3g} s; {limit_in_words(most)}; raise it, ask for an earlier time, or start from fewer "
+                f"copies"
             )
         forecast(seconds, f"derivatives by {rough(steps)} steps over {len(self._chain)} states")
-        return self._answers(lambda: slopes_at(entries, self._start, values, end), ADJOINT)
+        return self._answers(lambda: gradient_at(entries, self._start, values, end), ADJOINT)
 
-    def _answer(self, question: Callable[[], Slopes], method: str) -> Derivatives:
+    def _answer(self, question: Callable[[], Gradient], method: str) -> Derivatives:
         return self._answers(lambda: [question()], method)[0]
 
-    def _answers(self, question: Callable[[], list[Slopes]], method: str) -> list[Derivatives]:
+    def _answers(self, question: Callable[[], list[Gradient]], method: str) -> list[Derivatives]:
         began = time.process_time()
         found = [self._by_parameter(each) for each in question()]
         seconds = time.process_time() - began
         return [self._derivatives(each, method, seconds) for each in found]
 
-    def _derivatives(self, found: Slopes, method: str, seconds: float) -> Derivatives:
-        """By parameters, with the limits of each."""
+    def _derivatives(self, found: Gradient, method: str, seconds: float) -> Derivatives:
+        """By parameters, with the bounds of each."""
         answer, value, wide, is_bound = found
         low, high = value - wide, value + wide
         return Derivatives(self._names, answer, value, low, high, is_bound, self._constants, method, seconds)
 
-    def _by_parameter(self, found: Slopes) -> Slopes:
+    def _by_parameter(self, found: Gradient) -> Gradient:
         if self._shares is None:
             return found
         wide = found.wide + 2.0**-52 * found.value.size * np.abs(found.value)
         return found._replace(value=self._shares @ found.value, wide=np.abs(self._shares) @ wide)
 
 
-def sensitivity_to(network: Network, initial: Counts, species: Counted, copies: int = 1) -> tuple[Sensitivity, Mask]:
+def sensitivity_to(
+    model: Model | Network, initial: Counts | None, species: Counted, copies: int = 1
+) -> tuple[Sensitivity, Mask]:
     """The sensitivity of a chain that stops at copies of a species, and the states (N,) in which it stops.
 
     ValueError: unknown species, missing rates, or too many states
@@ -268,13 +277,12 @@ def sensitivity_to(network: Network, initial: Counts, species: Counted, copies: 
     >>> goal.tolist(), asked.passage_sd(goal).elasticity.round(9).tolist()
     ([False, True], [-1.0])
     """
-    (weights, _), wanted = summed(network, species), whole_number("copies", copies, 0)
-    chain = Chain.of(network, initial, stop=lambda states: states @ weights >= wanted)
-    return Sensitivity(chain), np.asarray(chain.counts) @ weights >= wanted
+    chain, goal = chain_to(model, initial, species, copies)
+    return Sensitivity(chain), goal
 
 
 def passage_sensitivity(
-    network: Network, initial: Counts, species: Counted, copies: int = 1, certain: bool = True
+    model: Model | Network, initial: Counts | None, species: Counted, copies: int = 1, certain: bool = True
 ) -> Derivatives:
     """Derivatives of the mean first-passage time to copies of a species, or of the probability of ever reaching them.
 
@@ -283,13 +291,13 @@ def passage_sensitivity(
 
     >>> from kinetics import Network
     >>> from kinetics.markov import passage_sensitivity
-    >>> slopes = passage_sensitivity(Network.from_text("make: A -> B, 2"), {"A": 1}, "B")
-    >>> slopes.parameters, round(slopes.answer.value, 9), slopes.elasticity.round(9).tolist()
+    >>> gradient = passage_sensitivity(Network.from_text("make: A -> B, 2"), {"A": 1}, "B")
+    >>> gradient.parameters, round(gradient.answer.value, 9), gradient.elasticity.round(9).tolist()
     (('make',), 0.5, [-1.0])
     """
-    asked, goal = sensitivity_to(network, initial, species, copies)
+    asked, goal = sensitivity_to(model, initial, species, copies)
     return asked.passage(goal) if certain else asked.until(goal)
 
 
 def _probability(found: Derivatives) -> Derivatives:
-    return replace(found, answer=found.answer.capped())
+    return replace(found, answer=found.answer.clipped())

@@ -1,67 +1,64 @@
 """Chains that answer questions, followed no further than to where the answer is settled.
 
-Whether a target is reached through given states is settled in the target, and outside these states; what is earned
+Whether a target is reached through given states is settled in the target, and outside these states; a reward
 until a target, in the target. A chain that stops there has the same answer and fewer states, perhaps finitely many
 where the network has no end.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from kinetics.markov.chain import DEADLOCK, INIT, Chain
-from kinetics.markov.listing import Condition, held
-from kinetics.markov.observing import observing, state_names
+from kinetics.markov.chain import Chain
+from kinetics.markov.observing import observing
 from kinetics.markov.queries import Query, Settled
+from kinetics.markov.state_enumeration import Condition, held
 from kinetics.markov.transient.search import MAX_STATES, TooManyStatesError
-from kinetics.network import Network
+from kinetics.network import Model
+from kinetics.network.predicates import DEADLOCK, INIT, state_names
 from kinetics.support.arrays import Ints
 
 
 def answering_chains(
     queries: Sequence[Query],
-    network: Network,
-    initial: Mapping[str, int] | ArrayLike,
-    observables: Mapping[str, Mapping[str, float]],
+    model: Model,
     stop: Condition | None = None,
     within: Condition | int | None = None,
     max_states: int = MAX_STATES,
 ) -> Iterator[tuple[Chain, list[int]]]:
-    """Chains of a network with its observables, each with the places of the queries that it answers.
+    """Chains of a model with its observables, each with the places of the queries that it answers.
 
     stop, within, max_states : as `Chain.of` has them
     All queries have one chain where their answers are settled in the same states, or where all states can be listed;
     else each kind has its own, which is made when the one before has answered.
 
-    >>> from kinetics import Network
+    >>> from kinetics import Model, Network
     >>> from kinetics.markov.queries import parse
-    >>> growth = Network.from_text("0 -> A, 1")
+    >>> growth = Model(Network.from_text("0 -> A, 1"))
     >>> queries = [parse(f"P=? [ F<=2 A >= {n} ]") for n in (2, 5)]
-    >>> [(len(chain), places) for chain, places in answering_chains(queries, growth, {}, {}, max_states=100)]
+    >>> [(len(chain), places) for chain, places in answering_chains(queries, growth, max_states=100)]
     [(3, [0]), (6, [1])]
     """
 
     # Where a chain starts and cannot go on is known of the whole chain: a state in which it was stopped has no way out.
-    whole = [name for name in (INIT, DEADLOCK) if name not in (*network.species, *observables)]
+    whole = [name for name in (INIT, DEADLOCK) if name not in (*model.network.species, *model.observables)]
 
     def chain_until(settled: Settled | None) -> Chain:
         def stops(states: Ints) -> NDArray[np.bool_]:
             found = np.zeros(len(states), dtype=bool)
             if stop is not None:
-                found |= held(stop, network, states)
+                found |= held(stop, model.network, states)
             if settled is not None:
-                names = state_names(network, observables, states)
+                names = state_names(model, states)
                 names.labels = dict.fromkeys(whole, np.zeros(len(states), dtype=bool))  # for errors, which list them
                 found |= settled.holds(names)
             return found
 
-        chain = Chain.of(
-            network, initial, stop=stop if settled is None else stops, within=within, max_states=max_states
-        )
-        return observing(chain, network, observables)
+        chain = Chain.of(model, stop=stop if settled is None else stops, within=within, max_states=max_states)
+        return observing(chain, model)
 
     alike: dict[Settled | None, list[int]] = {}
     for place, query in enumerate(queries):

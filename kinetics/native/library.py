@@ -26,7 +26,19 @@ def library() -> ctypes.CDLL | None:
 
 
 VOID = (
-    *("tabulate", "find", "neighbours", "reach", "advance", "mix", "absorb", "earned", "occupied", "corrected"),
+    *(
+        "tabulate",
+        "find",
+        "neighbours",
+        "reach",
+        "advance",
+        "mix",
+        "absorb",
+        "retreat",
+        "earned",
+        "occupied",
+        "corrected",
+    ),
     *("lockstep", "extend_range", "fit_bins", "rebin", "tally", "add_products"),
 )
 
@@ -46,6 +58,15 @@ class ChannelModel(Structure):
         ("changes", POINTER(c_int64)),
         *((name, c_int64) for name in ("n_channels", "n_species", "n_terms", "n_sums", "most_factors", "n_blocks")),
         ("any_general", c_int),
+    ]
+
+
+class StopTable(Structure):
+    """`ensemble_work.Stop` without its program, as sampling.h has it."""
+
+    _fields_ = [
+        ("is_watched", POINTER(c_char)),
+        ("table", POINTER(c_double)),
     ]
 
 
@@ -116,13 +137,16 @@ def filled(kind: type[Structure], *values: Any) -> Any:
 
 
 def call(name: str, *arguments: Any) -> Any:
-    """Call a C kernel with arrays, whose layout is checked, structures and whole numbers; other threads run on."""
+    """Call a C kernel with arrays, whose layout is checked, structures, whole numbers, or None for a null
+    pointer; other threads run on."""
     passed: list[Any] = []
     for argument in arguments:
         if isinstance(argument, np.ndarray):
             if not argument.flags.c_contiguous:
                 raise ValueError(f"{name}: an array whose items do not lie side by side came")
             passed.append(c_void_p(argument.ctypes.data))
+        elif argument is None:
+            passed.append(c_void_p(None))
         else:
             passed.append(byref(argument) if isinstance(argument, Structure) else c_int64(argument))
     return getattr(cast(ctypes.CDLL, library()), name)(*passed)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.kernels.ensemble_work import Stop
 from kinetics.native.lanes import Lanes
 from kinetics.native.library import (
     ChainMoves,
@@ -21,6 +22,7 @@ from kinetics.native.library import (
     SearchProgress,
     SparseRows,
     StateVerdicts,
+    StopTable,
     call,
     filled,
     given,
@@ -45,37 +47,36 @@ BLOCK = 8  # channels, whose propensities are summed by themselves
 
 def direct(
     model: Any, changes: Ints, work: Any, initial: Ints, grid: Floats, key: Words, first_run: int, limits: Ints,
-    out: Ints, most: int,
+    out: Ints, most: int, stop: Stop | None = None, reached: Floats | None = None,
 ) -> int:  # fmt: skip
     """Go on with many runs by the direct method, one by one: `direct.ensemble`."""
-    if not is_built():
+    if not is_built() or _has_program(stop):
         from kinetics.kernels.direct import ensemble
 
-        return ensemble(model, changes, work, initial, grid, key, first_run, limits, out, most)
+        return ensemble(model, changes, work, initial, grid, key, first_run, limits, out, most, stop, reached)
     start, times = given(initial, np.int64), given(grid, float)
     outcome: int = call(
         "direct", _model(model, changes), *work, start, times, times.size, given(key, np.uint64), first_run, limits,
-        len(out), out, most,
+        len(out), out, most, _table(stop), reached,
     )  # fmt: skip
     return _sampled(outcome, changes)
 
 
 def lockstep(
     model: Any, changes: Ints, lanes: Lanes, initial: Ints, grid: Floats, key: Words, first_run: int, limits: Ints,
-    out: Ints, is_odd: NDArray[np.bool_], most: int,
+    out: Ints, is_odd: NDArray[np.bool_], most: int, stop: Stop | None = None, reached: Floats | None = None,
 ) -> None:  # fmt: skip
     """Go on with the same runs, 64 side by side: `lockstep.lockstep`."""
-    if not is_built():
+    if not is_built() or _has_program(stop):
         from kinetics.kernels import lockstep as twin
 
-        twin.lockstep(
-            model, changes, twin.LockstepWork(**lanes.arrays), initial, grid, key, first_run, limits, out, is_odd, most
-        )
+        work = twin.LockstepWork(**lanes.arrays)
+        twin.lockstep(model, changes, work, initial, grid, key, first_run, limits, out, is_odd, most, stop, reached)
         return
     start, times = given(initial, np.int64), given(grid, float)
     call(
         "lockstep", _model(model, changes), lanes.record, start, times, times.size, given(key, np.uint64), first_run,
-        limits, len(out), out, is_odd, most,
+        limits, len(out), out, is_odd, most, _table(stop), reached,
     )  # fmt: skip
 
 
@@ -108,16 +109,28 @@ def _model(model: Any, changes: Ints) -> Any:
     return _last.made
 
 
+def _has_program(stop: Stop | None) -> bool:
+    """Whether the condition needs the machine that runs programs, of which there is none in C."""
+    return stop is not None and stop.codes.size > 0
+
+
+def _table(stop: Stop | None) -> Any:
+    return None if stop is None else filled(StopTable, stop.is_watched, stop.table)
+
+
 def events(
-    model: Any, changes: Ints, counts: Ints, clock: Floats, end: float, stream: Words, times: Floats, fired: Ints
-) -> tuple[int, int]:
+    model: Any, changes: Ints, counts: Ints, clock: Floats, end: float, stream: Words, times: Floats, fired: Ints,
+    stop: Stop | None = None,
+) -> tuple[int, int]:  # fmt: skip
     """Run one trajectory on until `end`, or until the buffers of events are full: `direct.advance`."""
-    if not is_built():
+    if not is_built() or _has_program(stop):
         from kinetics.kernels.direct import advance as twin
 
-        return twin(model, changes, counts, clock, end, stream, times, fired)
+        return twin(model, changes, counts, clock, end, stream, times, fired, stop)
     last, n_events = np.array([end], dtype=float), np.zeros(1, np.int64)
-    outcome = call("events", _model(model, changes), counts, clock, last, stream, times, fired, times.size, n_events)
+    outcome = call(
+        "events", _model(model, changes), counts, clock, last, stream, times, fired, times.size, n_events, _table(stop)
+    )
     return _sampled(outcome, changes), int(n_events[0])
 
 
@@ -322,6 +335,27 @@ def absorb(
         from kinetics.kernels import markov
 
         markov.absorb(begins, sources, shares, exits, vector, absorbed[part], alive[part], flows[part])
+
+
+def backward_moves(begins: NDArray[np.uint32], targets: NDArray[np.uint32], shares: Floats, stays: Floats) -> Any:
+    """Moves out of each state and what stays, as `retreat` takes them; made once for many calls."""
+    moves = begins, targets, shares, stays
+    return filled(ChainMoves, *moves, stays.size) if is_built() else moves
+
+
+def retreat(moves: Any, starts: Ints, chances: Floats, now: Floats, before: Floats, means: Floats) -> None:
+    """Steps backwards, with a mean before each: `markov.retreat`; moves : of `backward_moves`."""
+    first, weights = given(starts, np.int64), given(chances, float)
+    is_native = isinstance(moves, ChainMoves)
+    n_moves = (moves.kept if is_native else moves)[2].size
+    for part in pieces(means.size, 2.0 * (n_moves + now.size)):
+        out = means[part]
+        if is_native:
+            call("retreat", moves, first, weights, first.size, now, before, out, out.size)
+            continue
+        from kinetics.kernels import markov
+
+        markov.retreat(*moves, first, weights, now, before, out)
 
 
 def reduce(band: Floats, leaving: Floats, exits: Floats) -> int:

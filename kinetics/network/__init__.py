@@ -1,6 +1,7 @@
-"""Reaction networks, their rate laws, and the tank in which they react."""
+"""Reaction networks, their rate laws, the models made of them, and the tank in which they react."""
 
+from kinetics.network.model import Model
 from kinetics.network.network import Network
 from kinetics.network.tank import Tank
 
-__all__ = ["Network", "Tank"]
+__all__ = ["Model", "Network", "Tank"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 
@@ -106,3 +107,9 @@ def some_names(names: Collection[str]) -> str:
     """The first dozen of the names, and how many more there are."""
     shown = list(names)[:12]
     return ", ".join(shown) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+
+
+def nearest(name: str, known: Collection[str]) -> str:
+    """What a name that nobody knows may stand for: those like it, or else some of those that there are."""
+    near = difflib.get_close_matches(name, known, n=3, cutoff=0.4)
+    return f"did you mean {' or '.join(near)}?" if near else f"there are {some_names(known)}"

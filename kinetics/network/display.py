@@ -24,7 +24,7 @@ def _side(species: Sequence[str], copies: Mapping[int, int]) -> str:
     return " + ".join(species[s] if n == 1 else f"{n} {species[s]}" for s, n in copies.items()) or "0"
 
 
-def channel_rows(
+def rows_of(
     channels: Sequence[str],
     reactions: Sequence[str],
     ways: Floats,

@@ -28,7 +28,7 @@ from kinetics.network.checks import (
 from kinetics.network.fingerprint import fingerprint
 from kinetics.network.laws.on_demand import channel_laws, checked_events, checked_laws, split_rates
 from kinetics.network.parameters import Parameters
-from kinetics.network.propensity import AT_ZERO, COMBINATIONS, check_homogeneous, mass_action
+from kinetics.network.propensity import AT_ZERO, COMBINATIONS, mass_action
 from kinetics.network.reactions import Reaction, reaction_tables
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints, integers, reals
@@ -41,17 +41,17 @@ if TYPE_CHECKING:
     from kinetics.network.laws.of_channels import ChannelLaw
     from kinetics.network.reaction_text import ReactionText
 
-SPARSE = {"reactants": "sparse_reactants", "stoichiometry": "sparse_stoichiometry"}
+SAMPLE_IT = "sample it, by `simulate`, or by the commands `wellmixed predict` (method auto) and `wellmixed scan`"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class Network(Shown):
     """A reaction network: species, the channels through which they react, and their rate constants where known.
 
     species : S names
     channels : R names, one per reaction
-    reactants : (R, S) int, copies that a firing needs
-    stoichiometry : (R, S) int, net change by a firing, which takes no more than the reactants
+    sparse_reactants : (R, S) int, copies that a firing needs
+    sparse_stoichiometry : (R, S) int, net change by a firing, which takes no more than the reactants
     ways : (R,) number N of ways in which one combination of reactants can react
     rate_constants : (R,) k per way and combination, 1/tu; None before the rates are known
     combinations : how h counts like reactants, one of `COMBINATIONS`
@@ -61,9 +61,11 @@ class Network(Shown):
     at_zero : what is done where a rate law is above 0 although reactants are missing, one of `AT_ZERO`
     given : parameters, and what follows from them: rate constants, which are then computed, and counts at time 0
     time_unit : name of the unit of time, for tables and axes; "" where none is stated
+    species_places, channel_places : name -> its position
 
-    Both tables may be given dense or as `SparseTable`. The network keeps `sparse_reactants` and `sparse_stoichiometry`
-    and makes the dense tables only when they are first used, so that tens of thousands of channels cost milliseconds.
+    Both tables may be given dense or as `SparseTable`. The dense ones, `reactants` and `stoichiometry`, are made when
+    they are first used, so that tens of thousands of channels cost milliseconds. `dataclasses.replace` gives a network
+    with other laws, events or conserved quantities.
     ValueError: a name that is there twice, another shape, or a firing that takes more than it needs
 
     >>> from kinetics import Network
@@ -74,83 +76,74 @@ class Network(Shown):
 
     species: tuple[str, ...]
     channels: tuple[str, ...]
-    reactants: Ints
-    stoichiometry: Ints
+    sparse_reactants: SparseTable
+    sparse_stoichiometry: SparseTable
     ways: Floats
-    rate_constants: Floats | None = None
-    combinations: str = "distinct"
-    conserved: Mapping[str, Floats] = field(default_factory=dict)
-    laws: Mapping[str, Expression] = field(default_factory=dict)
-    events: tuple[Event, ...] = ()
-    at_zero: str = "block"
-    given: Parameters = field(default_factory=Parameters)
-    time_unit: str = ""
-    sparse_reactants: SparseTable = field(init=False)
-    sparse_stoichiometry: SparseTable = field(init=False)
+    rate_constants: Floats | None
+    combinations: str
+    conserved: Mapping[str, Floats]
+    laws: Mapping[str, Expression]
+    events: tuple[Event, ...]
+    at_zero: str
+    given: Parameters
+    time_unit: str
+    species_places: dict[str, int] = field(init=False)
+    channel_places: dict[str, int] = field(init=False)
 
-    def __post_init__(self) -> None:
-        species = checked_names("species", self.species)
-        channels = checked_names("channels", self.channels)
-        if not species:
-            raise ValueError("a network needs at least one species")
-        shape = (len(channels), len(species))
-        needed = checked_table("reactants", self.reactants, shape, minimum=0)
-        change = checked_table("stoichiometry", self.stoichiometry, shape)
-        for name in SPARSE:
-            del self.__dict__[name]  # `__getattr__` makes the dense table when it is asked for
-        self._set(species=species, channels=channels, sparse_reactants=needed, sparse_stoichiometry=change)
-        self._set(ways=self._checked_ways(self.ways))
-        checked_choice("combinations", self.combinations, COMBINATIONS)
-        checked_choice("at_zero", self.at_zero, AT_ZERO)
-        check_no_overdraft(species, channels, needed, change)
-        self._set(
-            conserved=checked_conserved(self.conserved, channels, change),
-            laws=checked_laws(self.laws, self.channel_places, self.species_places),
-            events=checked_events(self.events, self.species_places),
-        )
-        self.given.check(channels, species, self.laws)
-        known = self.given.constants(self.channel_places, self.rate_constants)
-        self._set(rate_constants=None if known is None else self._checked_rates(known))
-
-    def _set(self, **values: Any) -> None:
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-
-    def _checked_ways(self, ways: ArrayLike) -> Floats:
-        return reals("ways", ways, (len(self.channels),), minimum=0)
-
-    def _checked_rates(self, rate_constants: ArrayLike) -> Floats:
-        return reals("rate_constants", rate_constants, (len(self.channels),), minimum=0)
-
-    def __getattr__(self, name: str) -> Ints:
-        """The dense reactants or stoichiometry, when first asked for."""
-        if name not in SPARSE or SPARSE[name] not in self.__dict__:
-            raise AttributeError(f"a network has no {name!r}")
-        self._set(**{name: self.__dict__[SPARSE[name]].dense()})
-        return self.__dict__[name]
-
-    @classmethod
-    def from_sparse(
-        cls,
+    def __init__(
+        self,
         species: Sequence[str],
         channels: Sequence[str],
-        reactants: SparseTable,
-        stoichiometry: SparseTable,
+        sparse_reactants: SparseTable | ArrayLike,
+        sparse_stoichiometry: SparseTable | ArrayLike,
         ways: ArrayLike,
         rate_constants: ArrayLike | None = None,
         combinations: str = "distinct",
         conserved: Mapping[str, ArrayLike] | None = None,
-        laws: Mapping[str, Expression] | None = None,
+        laws: Mapping[str, str | Expression] | None = None,
         events: Sequence[Event] = (),
         at_zero: str = "block",
         given: Parameters | None = None,
         time_unit: str = "",
-    ) -> Network:
-        """A network from sparse tables (R, S)."""
-        tables: Any = (reactants, stoichiometry)
-        rest: Any = (ways, rate_constants, combinations, conserved or {}, laws or {}, tuple(events), at_zero)
-        rest += (given or Parameters(), time_unit)
-        return cls(tuple(species), tuple(channels), *tables, *rest)
+    ) -> None:
+        species, channels = checked_names("species", species), checked_names("channels", channels)
+        if not species:
+            raise ValueError("a network needs at least one species")
+        shape = (len(channels), len(species))
+        needed = checked_table("reactants", sparse_reactants, shape, minimum=0)
+        change = checked_table("stoichiometry", sparse_stoichiometry, shape)
+        check_no_overdraft(species, channels, needed, change)
+        channel_places, species_places = ({name: n for n, name in enumerate(names)} for names in (channels, species))
+        parameters, lawful = given or Parameters(), checked_laws(laws or {}, channel_places, species_places)
+        parameters.check(channels, species, lawful)
+        known = parameters.constants(channel_places, rate_constants)
+        vars(self).update(
+            species=species,
+            channels=channels,
+            sparse_reactants=needed,
+            sparse_stoichiometry=change,
+            ways=reals("ways", ways, shape[:1], minimum=0),
+            rate_constants=None if known is None else reals("rate_constants", known, shape[:1], minimum=0),
+            combinations=checked_choice("combinations", combinations, COMBINATIONS),
+            conserved=checked_conserved(conserved or {}, channels, change),
+            laws=lawful,
+            events=checked_events(events, species_places),
+            at_zero=checked_choice("at_zero", at_zero, AT_ZERO),
+            given=parameters,
+            time_unit=time_unit,
+            species_places=species_places,
+            channel_places=channel_places,
+        )
+
+    @cached_property
+    def reactants(self) -> Ints:
+        """Copies (R, S) that a firing needs."""
+        return self.sparse_reactants.dense()
+
+    @cached_property
+    def stoichiometry(self) -> Ints:
+        """Net change (R, S) by a firing."""
+        return self.sparse_stoichiometry.dense()
 
     @classmethod
     def from_text(cls, text: str, /, **parameters: float) -> Network:
@@ -166,16 +159,7 @@ class Network(Shown):
 
         read = read_reactions(text, parameters)
         read.check_counts()
-        return cls.of_text(read)
-
-    @classmethod
-    def of_text(cls, read: ReactionText) -> Network:
-        """That of a text that was read."""
-        named, needed, change = reaction_tables(read.reactions, read.species)
-        return cls.from_sparse(
-            named, tuple(read.reactions), needed, change, np.ones(len(read.reactions)), read.constants,
-            read.combinations, laws=read.laws, given=read.given, time_unit=read.time_unit,
-        )  # fmt: skip
+        return network_of(read)
 
     @classmethod
     def from_reactions(
@@ -206,9 +190,9 @@ class Network(Shown):
         if idle.size:
             name = list(reactions)[idle[0]]
             warnings.warn(f"channel {name!r} changes nothing: it makes what it needs; leave it out", stacklevel=2)
-        return cls.from_sparse(
-            named, tuple(reactions), needed, change, np.ones(len(reactions)) if ways is None else ways,
-            constants, combinations, conserved, laws, events, at_zero, Parameters(parameters or {}), time_unit,
+        return cls(
+            named, tuple(reactions), needed, change, np.ones(len(reactions)) if ways is None else ways, constants,
+            combinations, conserved, laws, events, at_zero, Parameters(parameters or {}), time_unit,
         )  # fmt: skip
 
     def with_rates(
@@ -218,30 +202,31 @@ class Network(Shown):
 
         Nothing else is rebuilt or checked again, so the cost is linear in the length of the arrays.
         """
-        counted = self.combinations if combinations is None else combinations
-        other = self._forgetting()
-        other._set(
-            rate_constants=self._checked_rates(rate_constants),
-            ways=self.ways if ways is None else self._checked_ways(ways),
-            combinations=checked_choice("combinations", counted, COMBINATIONS),
+        shape = (len(self.channels),)
+        return self._with(
+            rate_constants=reals("rate_constants", rate_constants, shape, minimum=0),
+            ways=self.ways if ways is None else reals("ways", ways, shape, minimum=0),
+            combinations=checked_choice("combinations", combinations or self.combinations, COMBINATIONS),
             given=self.given.without_rates(self.given.rates),
         )
-        return other
 
     def with_parameters(self, /, **values: float) -> Network:
         """The same network with other values of these parameters: of rate constants, laws, events and counts."""
-        return self.with_given(self.given.changed(values))
-
-    def with_given(self, given: Parameters) -> Network:
-        """The same network with these parameters, rate constants in terms of them, and counts at time 0."""
-        other = self._forgetting("fingerprint", "channel_laws")
-        other._set(
+        given = self.given.changed(values)
+        return self._with(
             given=given,
             laws={name: law.with_parameters(given.values) for name, law in self.laws.items()},
             events=tuple(event.with_parameters(given.values) for event in self.events),
+            rate_constants=given.constants(self.channel_places, self.rate_constants),
         )
-        if given.rates:
-            other._set(rate_constants=given.constants(self.channel_places, self.rate_constants))
+
+    def _with(self, **values: Any) -> Network:
+        """A copy with other values, which are checked, and without what is computed from those."""
+        other = copy(self)
+        if "laws" in values:
+            for computed in ("fingerprint", "channel_laws"):
+                vars(other).pop(computed, None)
+        vars(other).update(values)
         return other
 
     @property
@@ -254,49 +239,11 @@ class Network(Shown):
         """Species -> count at time 0, where the network states one."""
         return dict(self.given.counts)
 
-    def with_laws(self, laws: Mapping[str, str | Expression], at_zero: str | None = None) -> Network:
-        """The same network with these rate laws, of the channels they name, and with no others."""
-        policy = self.at_zero if at_zero is None else checked_choice("at_zero", at_zero, AT_ZERO)
-        other = self._forgetting("fingerprint", "channel_laws")
-        other._set(laws=checked_laws(laws, self.channel_places, self.species_places), at_zero=policy)
-        other._set(given=self.given.without_rates(laws))
-        other.given.check(self.channels, self.species, other.laws)
-        return other
-
-    def with_events(self, events: Sequence[Event]) -> Network:
-        """The same network with these events, and with no others."""
-        other = self._forgetting("fingerprint")
-        other._set(events=checked_events(events, self.species_places))
-        return other
-
-    def with_conserved(self, conserved: Mapping[str, ArrayLike]) -> Network:
-        """The same network with these conserved quantities, name -> amount (S,) in one copy of each species."""
-        other = self._forgetting()
-        other._set(conserved=checked_conserved(conserved, self.channels, self.sparse_stoichiometry))
-        return other
-
-    def _forgetting(self, *known: str) -> Network:
-        """A copy without what was computed from what will differ."""
-        other = copy(self)
-        for name in known:
-            other.__dict__.pop(name, None)
-        return other
-
     @cached_property
     def fingerprint(self) -> str:
         """SHA-256 over species, channels, reactants, stoichiometry, rate laws and events, not rate constants."""
         tables = (self.sparse_reactants, self.sparse_stoichiometry)
         return fingerprint(self.species, self.channels, tables, self.laws, self.events, self.at_zero)
-
-    @cached_property
-    def species_places(self) -> dict[str, int]:
-        """Species -> its position."""
-        return {name: s for s, name in enumerate(self.species)}
-
-    @cached_property
-    def channel_places(self) -> dict[str, int]:
-        """Channel -> its position."""
-        return {name: r for r, name in enumerate(self.channels)}
 
     def index(self, species: str) -> int:
         """Position of a species by its name."""
@@ -321,15 +268,6 @@ class Network(Shown):
         """Channel -> its rate law with the reactants without which it is blocked or refused."""
         return channel_laws(self.laws, self.channel_places, self.species_places, self.sparse_reactants, self.at_zero)
 
-    @property
-    def is_homogeneous(self) -> bool:
-        """Whether rates do not depend on time and no events set counts, so that the generator is constant."""
-        return not self.events and not any(law.reads_time for law in self.laws.values())
-
-    def check_homogeneous(self) -> None:
-        """A ValueError where rates depend on time or events set counts: the generator is then not constant."""
-        check_homogeneous(self.laws, [event.name for event in self.events])
-
     def combinations_of(self, states: ArrayLike, time: float | None = None) -> Floats:
         """The factor h (..., R) in states (..., S): combinations of reactants, or the rate law at a time, tu."""
         counts = np.asarray(states)
@@ -337,7 +275,7 @@ class Network(Shown):
             raise ValueError(f"states have shape {counts.shape}; expected (..., {len(self.species)})")
         h = mass_action(self.sparse_reactants, counts, self.combinations, self.channels)
         if self.laws and time is None:
-            self.check_homogeneous()
+            check_homogeneous(self)
         for name, law in self.channel_laws.items():
             h[..., self.channel_places[name]] = law.values(counts, time or 0.0)
         return h
@@ -345,7 +283,7 @@ class Network(Shown):
     def propensities(self, states: ArrayLike, time: float | None = None) -> Floats:
         """Propensities k * N * h (..., R), 1/tu, in states (..., S); give the time, tu, if rate laws depend on it."""
         if time is None:
-            self.check_homogeneous()
+            check_homogeneous(self)
         h = self.combinations_of(states, time)
         try:
             with np.errstate(over="raise"):
@@ -367,13 +305,6 @@ class Network(Shown):
             )
         return self.rate_constants
 
-    def rows(self) -> list[tuple[str, ...]]:
-        """Name, reaction and ways of every channel, and its rate constant where that is known, as text."""
-        from kinetics.network.display import channel_rows, reaction_texts
-
-        reactions = reaction_texts(self.species, self.sparse_reactants, self.sparse_stoichiometry)
-        return channel_rows(self.channels, reactions, self.ways, self.rate_constants, self.laws, self.given.rates)
-
     @property
     def headline(self) -> str:
         """Its size, and what it conserves."""
@@ -392,4 +323,42 @@ class Network(Shown):
         unit = f" (1/{self.time_unit})" * bool(self.time_unit)
         rate = [f"{'k, or law' if self.laws else 'k'}{unit}"] if has_rates else []
         titles = ["channel", "reaction", "N", *rate]
-        return ResultTable(self.headline, titles, self.rows(), [str(event) for event in self.events])
+        return ResultTable(self.headline, titles, channel_rows(self), [str(event) for event in self.events])
+
+
+def network_of(read: ReactionText) -> Network:
+    """The network of a text that was read."""
+    named, needed, change = reaction_tables(read.reactions, read.species)
+    return Network(
+        named, tuple(read.reactions), needed, change, np.ones(len(read.reactions)), read.constants, read.combinations,
+        laws=read.laws, given=read.given, time_unit=read.time_unit,
+    )  # fmt: skip
+
+
+def channel_rows(network: Network) -> list[tuple[str, ...]]:
+    """Name, reaction and ways of every channel, and its rate constant where that is known, as text."""
+    from kinetics.network.display import reaction_texts, rows_of
+
+    reactions = reaction_texts(network.species, network.sparse_reactants, network.sparse_stoichiometry)
+    constants, formulas = network.rate_constants, network.given.rates
+    return rows_of(network.channels, reactions, network.ways, constants, network.laws, formulas)
+
+
+def check_homogeneous(network: Network) -> None:
+    """A ValueError where rates depend on time or events set counts: the generator is then not constant."""
+    for name, law in network.laws.items():
+        if law.reads_time:
+            raise ValueError(
+                f"the law of channel {name!r}, {law}, depends on the time; without a time there is no propensity, "
+                f"and the chain has no constant generator: {SAMPLE_IT}"
+            )
+    if network.events:
+        raise ValueError(
+            f"the network has events ({', '.join(event.name for event in network.events)}), so its counts are no "
+            f"Markov chain with a constant generator: {SAMPLE_IT}"
+        )
+
+
+def is_homogeneous(network: Network) -> bool:
+    """Whether rates do not depend on time and no events set counts, so that the generator is constant."""
+    return not network.events and not any(law.reads_time for law in network.laws.values())

@@ -6,7 +6,7 @@ place of h, if any.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from math import comb, factorial, lgamma, log, perm
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints
 
 if TYPE_CHECKING:
-    from kinetics.network.laws.expression import Expression
+    pass
 
 # What h(s) counts for m like reactants among s copies:
 #   distinct  sets of m copies, s!/(m!(s-m)!), for a pair s(s-1)/2
@@ -102,25 +102,6 @@ def over_factorial(coefficient: float, copies: int, channel: str) -> float:
             f"for a float; write the reaction in steps of fewer reactants"
         )
     return share
-
-
-SAMPLE_IT = "sample it, by `simulate`, or by the commands `wellmixed predict` (method auto) and `wellmixed scan`"
-
-
-def check_homogeneous(laws: Mapping[str, Expression], events: Iterable[str]) -> None:
-    """A ValueError where laws depend on the time, or events (by name) set counts: no constant generator then."""
-    for name, law in laws.items():
-        if law.reads_time:
-            raise ValueError(
-                f"the law of channel {name!r}, {law}, depends on the time; without a time there is no propensity, "
-                f"and the chain has no constant generator: {SAMPLE_IT}"
-            )
-    names = ", ".join(events)
-    if names:
-        raise ValueError(
-            f"the network has events ({names}), so its counts are no "
-            f"Markov chain with a constant generator: {SAMPLE_IT}"
-        )
 
 
 def state_text(species: Sequence[str], state: Ints) -> str:

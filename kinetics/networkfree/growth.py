@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -108,6 +108,11 @@ class Growth(Shown, Tabular):
     def sizes(self) -> Ints:
         """Cubes (S,) of each structure."""
         return read_only(np.array([len(structure) for structure in self.structures], dtype=np.int64))
+
+    def until(self, end: float) -> Growth:
+        """The same run, observed until an earlier time, tu."""
+        kept = int(np.searchsorted(self.times, end, side="right"))
+        return replace(self, times=self.times[:kept], before=self.before[:kept], after=self.after[:kept], end=end)
 
     @property
     def n_cubes(self) -> int:
@@ -214,6 +219,8 @@ class Growths(Shown):
     """Independent network-free runs of one tank.
 
     interrupted : whether more runs were requested
+    truncated : time (runs,) in tu at which each run made its last event allowed, inf if it did not; all runs end at the
+        first of these times. Empty if no run did
 
     >>> from kinetics import ClassRates, grow
     >>> from kinetics.assembly import RuleBook
@@ -226,6 +233,7 @@ class Growths(Shown):
 
     runs: tuple[Growth, ...]
     interrupted: bool = False
+    truncated: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.runs:

@@ -46,6 +46,7 @@ def grow(
     seed: int = 0,
     progress: Callable[[int, float], None] | None = None,
     draws: int = 0,
+    max_events: int | None = None,
 ) -> Growths:
     """Simulate assembly by the rules of a book, `runs` times, from time 0 until `end`, tu.
 
@@ -55,6 +56,8 @@ def grow(
     progress : called with the number of runs finished and the time reached in the current one, tu
     draws : over how many draws of the class rates from their evidence the runs are spread, by turns; 0: over none, all
         runs are under the rates as they are
+    max_events : most events of a run; where one would come to more, all runs end at its last one, and
+        `Growths.truncated` says so. None: any number
 
     The same seed gives the same result; runs of different numbers are independent. After Ctrl-C, the runs that are
     finished are returned, if any. Cost: draws of faces and bonds, null events among them (`Growth.draws`). Source: Yang
@@ -78,10 +81,11 @@ def grow(
         drawn = rates.draws(rng, min(whole_number("draws", draws, 1), whole_number("runs", runs, 1)))
         known = [known[0].under(*_rate_of(some, book)) for some in drawn]
     finished: list[Growth] = []
+    most = np.inf if max_events is None else whole_number("max_events", max_events, 1)
     interrupted = False
     try:
         for run in range(whole_number("runs", runs, 1)):
-            grown = _run(known[run % len(known)], start, horizon, seed, run, progress, runs)
+            grown = _run(known[run % len(known)], start, horizon, seed, run, progress, runs, most)
             finished.append(grown)
             stage(f"{run + 1} of {runs} runs", (run + 1) / runs)
             if run == 0 and grown.draws < TRIED:
@@ -90,7 +94,10 @@ def grow(
         if not finished:
             raise
         interrupted = True
-    return Growths(tuple(finished), interrupted)
+    ends = tuple(grown.end if grown.end < horizon else np.inf for grown in finished)
+    if min(ends) == np.inf:
+        return Growths(tuple(finished), interrupted)
+    return Growths(tuple(grown.until(min(ends)) for grown in finished), interrupted, ends)
 
 
 def free_cubes(book: RuleBook, cubes: int) -> dict[Structure, int]:
@@ -156,8 +163,9 @@ def _run(
     run: int,
     progress: Callable[[int, float], None] | None,
     runs: int,
+    most: float,
 ) -> Growth:
-    """One run, and what happened in it."""
+    """One run, and what happened in it; it ends with so many events at most."""
     tank = GrowingTank(known, initial)
     numbers: dict[Structure, int] = {kind.structure: number for number, kind in enumerate(tank.counts)}
     counts = list(tank.counts.values())
@@ -175,6 +183,9 @@ def _run(
                     _forecast(tank, draws, end - time, runs)
             if event is None:
                 continue
+            if len(times) == most:
+                end = times[-1]
+                break
             times.append(time)
             for kinds in event:
                 indices = [numbers.setdefault(kind.structure, len(numbers)) for kind in kinds]

@@ -7,12 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from kinetics.predicting.tuning import LEAST
+from kinetics.support.answer import CONFIDENCE, PROVEN
 from kinetics.support.arrays import Floats, real_number
 
 KINDS = ("mean", "sd", "distribution")
-LEAST = 1e-12  # doubles hold some sixteen digits, of which sums over many states cost a few
-LEVEL = 0.95  # of the confidence, where chance is involved, for all figures together
-TENFOLD = 10.0
 
 
 @dataclass(frozen=True)
@@ -20,8 +19,8 @@ class AskedAccuracy:
     """How far a prediction may be off, for all species shown and all times together.
 
     value : the largest error. Of means and standard deviations in copies, or where `is_relative` as a share of the
-        species' largest mean (sd) over the times, and of one copy at least, so that what is hardly ever there needs no
-        digits. Of distributions it is the largest error of the probability of at most n copies, for any n
+        species' largest mean (sd) over the times, and of one copy at least, so that rare species need no digits.
+        Of distributions it is the largest error of the probability of at most n copies, for any n
     of : "mean", "sd" or "distribution"
     ValueError: a value that is no number from 1e-12, or above 1 where it is relative or a probability
 
@@ -95,8 +94,8 @@ class AskedAccuracy:
         return self.value / (1.0 + self.value) * np.maximum(figures.max(axis=0), 1.0)
 
 
-class ForetoldWay(NamedTuple):
-    """A way to the accuracy: the method, its foretold processor time (s; None where it was refused), and remarks."""
+class CostForecast(NamedTuple):
+    """What a method is forecast to cost: CPU time (s; None where it is not known), and remarks."""
 
     method: str
     seconds: float | None
@@ -114,13 +113,13 @@ class Reached:
     """The accuracy of a prediction that was made for one.
 
     asked : what was asked for
-    error : limit on the error, in the unit of `asked`; inf where none is known
-    is_proven : whether the limit is proven, else that of an interval by the normal distribution
-    confidence : with which the limit holds for all figures together; 1 for a solution
+    error : bound on the error, in the unit of `asked`; inf where none is known
+    is_proven : whether the bound is proven, else that of an interval by the normal distribution
+    confidence : with which the bound holds for all figures together; 1 for a solution
     chosen : method that gave the answer
-    candidates : all that were weighed, with their foretold costs
-    tenfold : the cheapest for a tenth of the error, and its foretold cost; None where none can reach it
-    seldom : of an answer by runs, how what hardly ever happens was allowed for; empty where nothing showed
+    candidates : all that were considered, with their forecast costs
+    tenfold : the cheapest for a tenth of the error, and its forecast cost; None where none can reach it
+    rare : of an answer by runs, how rare events were allowed for; empty where none showed
 
     >>> from kinetics import Network, predict
     >>> decay = Network.from_text("A -> 0, 0.1")
@@ -134,9 +133,9 @@ class Reached:
     is_proven: bool
     confidence: float
     chosen: str
-    candidates: tuple[ForetoldWay, ...]
-    tenfold: ForetoldWay | None
-    seldom: str = ""
+    candidates: tuple[CostForecast, ...]
+    tenfold: CostForecast | None
+    rare: str = ""
 
     @property
     def is_reached(self) -> bool:
@@ -145,17 +144,21 @@ class Reached:
 
     @property
     def guarantee(self) -> str:
-        """In what sense the limit holds."""
+        """In what sense the bound holds."""
         if self.confidence == 1.0:
             return "proven"
         sure = f"with {100 * self.confidence:g} % confidence for all figures together"
         return f"{sure}, proven" if self.is_proven else f"{sure}, by the normal distribution of means of many runs"
 
     @property
+    def kind(self) -> str:
+        """The kind of bound that the error is, as of an `Answer`."""
+        return PROVEN if self.confidence == 1.0 else CONFIDENCE
+
+    @property
     def headline(self) -> str:
         """The accuracy in a few words."""
-        kind = "proven" if self.confidence == 1.0 else f"{100 * self.confidence:g} % confidence"
-        return f"{self.asked.of} within {self.asked.words(self.error)}, {kind}"
+        return f"{self.asked.of} within {self.asked.words(self.error)}, {self.kind}"
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -166,8 +169,8 @@ class Reached:
         more = "nothing here reaches it" if best is None else f"about {best.seconds:.2g} s CPU, by {best.method}"
         return (
             f"accuracy: {asked.in_words} {asked.meaning}; {verdict} {asked.words(self.error)}, {self.guarantee}",
-            *([f"rare events: {self.seldom}"] if self.seldom else []),
-            f"chosen: {self.chosen}; foretold were {'; '.join(each.in_words for each in self.candidates)}",
+            *([f"rare events: {self.rare}"] if self.rare else []),
+            f"chosen: {self.chosen}; forecasts were {'; '.join(each.in_words for each in self.candidates)}",
             f"ten times the accuracy: {more}",
         )
 
@@ -180,10 +183,9 @@ class Reached:
             "of": self.asked.of,
             "error": self.error,
             "reached": self.is_reached,
-            "proven": self.is_proven,
-            "confidence": self.confidence,
+            "kind": self.kind,
             "guarantee": self.guarantee,
-            "rare_events": self.seldom,
+            "rare_events": self.rare,
             "chosen": self.chosen,
             "candidates": [each._asdict() for each in self.candidates],
             "tenfold": None if best is None else {"method": best.method, "seconds": best.seconds},

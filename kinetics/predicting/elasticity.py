@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.markov import Chain, Sensitivity, passage_sensitivity
-from kinetics.network import Network, Tank
+from kinetics.network import Model, Network, Tank
 from kinetics.predicting.over_draws import DrawMeans
 from kinetics.rates import BookRates, Rates, RatesPosterior
 from kinetics.support.arrays import Counts, Floats, rising_times
@@ -129,9 +129,9 @@ def _range(values: Floats) -> tuple[str, str]:
 
 
 def count_elasticities(
-    network: Network,
+    model: Model | Network,
     rates: Rates | BookRates,
-    initial: Counts,
+    initial: Counts | None,
     times: ArrayLike,
     drawn: DrawMeans | None = None,
     observables: Observables | None = None,
@@ -140,6 +140,7 @@ def count_elasticities(
 ) -> Elasticities:
     """Elasticities (P, T, S) of the mean counts at `times` (T,), tu.
 
+    initial : counts at time 0 that go before the model's; None for these
     drawn : of a prediction for these times, observables and tank
     exact_states : up to so many reachable states they are solved for, by one pass forwards a time and one backwards a
         count, for all parameters; else they come from `drawn`, at no further cost
@@ -154,8 +155,10 @@ def count_elasticities(
     [[[-0.5]]]
     """
 
-    def solved(model: Network) -> Gradients:
-        chain = Chain.of(model, initial, max_states=exact_states)
+    given = Model.of(model, initial)
+
+    def solved(network: Network) -> Gradients:
+        chain = Chain.of(network, given.initial, max_states=exact_states)
         counts = np.asarray(chain.counts, dtype=float)
         values: Floats = (counts if observables is None else counts @ observables.weights.astype(float)).T
         asked = Sensitivity(chain)
@@ -164,7 +167,7 @@ def count_elasticities(
         return means, np.moveaxis(np.array([[each.value for each in row] for row in found]), -1, 0)
 
     try:
-        return exact_elasticities(rates.posterior(network, tank), solved)
+        return exact_elasticities(rates.posterior(given.network, tank), solved)
     except ValueError as refusal:  # too many states, or too stiff
         if drawn is None:
             raise ValueError(
@@ -175,9 +178,9 @@ def count_elasticities(
 
 
 def passage_elasticities(
-    network: Network,
+    model: Model | Network,
     rates: Rates | BookRates,
-    initial: Counts,
+    initial: Counts | None,
     species: str,
     copies: int = 1,
     tank: Tank | None = None,
@@ -194,11 +197,13 @@ def passage_elasticities(
     ([[-1.0]], [[1.0]])
     """
 
-    def solved(model: Network) -> Gradients:
-        found = passage_sensitivity(model, initial, species, copies)
+    given = Model.of(model, initial)
+
+    def solved(network: Network) -> Gradients:
+        found = passage_sensitivity(network, given.initial, species, copies)
         return np.array([found.answer.value]), found.value[:, None]
 
-    return exact_elasticities(rates.posterior(network, tank), solved)
+    return exact_elasticities(rates.posterior(given.network, tank), solved)
 
 
 def exact_elasticities(posterior: RatesPosterior, solved: Callable[[Network], Gradients]) -> Elasticities:

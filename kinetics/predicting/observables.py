@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from kinetics.network import Network
+from kinetics.network.predicates import Condition
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.sampling import SamplingMethod
 from kinetics.sampling.watch import MAX_EVENTS
@@ -43,7 +44,7 @@ class Observables:
     def network(self) -> Network:
         """A network without reactions whose species are the observables: results refer to it."""
         none = SparseTable.of_entries((0, len(self.names)), [], [], [])
-        return Network.from_sparse(self.names, (), none, none, np.ones(0), np.ones(0), time_unit=self.time_unit)
+        return Network(self.names, (), none, none, np.ones(0), np.ones(0), time_unit=self.time_unit)
 
     def sampling(self, method: SamplingMethod, model: Network) -> ObservedSampling:
         """A method that samples `model` and returns the observables."""
@@ -82,9 +83,10 @@ class ObservedSampling(SamplingMethod):
         initial: Counts,
         seed: int = 0,
         max_events: int = MAX_EVENTS,
+        until: str | Condition | None = None,
     ) -> RunSource:
         """The observables of the model's runs from `initial` (S,); `network` is that of the observables."""
-        source = self.method.source(self.model, initial, seed, max_events)
+        source = self.method.source(self.model, initial, seed, max_events, until)
         return replace(source, weights=self.observables.weights)
 
     def name_for(self, network: Network, initial: Counts) -> str:  # noqa: ARG002

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from kinetics.network import Network
+from kinetics.predicting.job import Job
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling import SamplingMethod, simulate_draws
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.outlook import Outlook
 from kinetics.sampling.streamed import unbroken
-from kinetics.sampling.watch import MAX_EVENTS, Watch
-from kinetics.support.arrays import Counts, Floats, Ints, rising_times, whole_number
+from kinetics.sampling.watch import Watch
+from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
 
 if TYPE_CHECKING:
     from kinetics.rates import RatesPosterior
@@ -78,34 +77,21 @@ class RunsOverDraws:
 
 
 def runs_over_draws(
-    posterior: RatesPosterior,
-    shown: Network,
-    weights: Ints | None,
-    initial: Counts,
-    times: ArrayLike,
-    runs: int,
-    draws: int,
-    method: SamplingMethod,
-    seed: int,
-    threads: int | None,
-    report: Callable[[str], None],
-    max_events: int = MAX_EVENTS,
+    job: Job, posterior: RatesPosterior, runs: int, draws: int, method: SamplingMethod
 ) -> RunsOverDraws:
-    """At least `runs` runs, `RUNS_PER_DRAW` under each draw of the rates, and at least `draws` draws.
-
-    shown, weights : the network whose counts are kept; where it is one of observables, the weights (S, V) of the sums
+    """At least `runs` runs of a job, `RUNS_PER_DRAW` under each draw of the rates, and at least `draws` draws.
 
     Only the means of the first `draws` draws are kept, so memory does not grow with the runs. The error of the mean
     falls with the root of the number of runs, because more runs are more draws. After Ctrl-C the draws made so far
     count. After a truncated run, see `simulate`, there are fewer times.
     """
-    grid = rising_times(times)
+    grid = rising_times(job.grid)
     whole_number("runs", runs, 1)
     n_draws = max(whole_number("draws", draws, 2), -(-runs // RUNS_PER_DRAW))
     asked = n_draws * RUNS_PER_DRAW
-    n_species = len(shown.species)
-    forecast_runs(posterior.expected, method, initial, grid, asked, threads, max_events)
-    tally = Tally(shown, grid, kept_pairs(n_species, False))
+    n_species = len(job.shown.species)
+    forecast_runs(posterior.expected, method, job.model.initial, grid, asked, job.threads, job.max_events)
+    tally = Tally(job.shown, grid, kept_pairs(n_species, False))
     batch = max(1, BATCH_BYTES // (8 * RUNS_PER_DRAW * grid.size * n_species))
     parameters: list[Floats] = []
     means: list[Floats] = []
@@ -113,9 +99,9 @@ def runs_over_draws(
     # Sums of the draws' means and of their squares, from the first mean, so that little is lost to rounding.
     origin: Floats | None = None
     (total, squares), done = np.zeros((2, grid.size, n_species)), 0
-    watch = Watch(grid, Outlook(posterior.expected), max_events)
+    watch = Watch(grid, Outlook(posterior.expected), job.max_events)
     try:
-        for part in _batches(posterior, initial, watch, n_draws, draws, batch, method, seed, threads, weights):
+        for part in _batches(job, posterior, watch, n_draws, draws, batch, method):
             with unbroken():
                 n = watch.n_times
                 origin = None if origin is None else origin[:n]
@@ -132,7 +118,7 @@ def runs_over_draws(
                         parameters.append(drawn)
                         means.append(mean)
                         noise.append(counts.var(axis=0, ddof=1) / RUNS_PER_DRAW)
-            report(f"{done * RUNS_PER_DRAW} of {asked} runs, under {done} of {n_draws} draws of the rates")
+            job.report(f"{done * RUNS_PER_DRAW} of {asked} runs, under {done} of {n_draws} draws of the rates")
     except KeyboardInterrupt:
         if not done:
             raise
@@ -140,34 +126,25 @@ def runs_over_draws(
     kept = None
     if len(means) > 1:
         kept = DrawMeans(posterior, np.array(parameters), np.array(means), np.array(noise))
-    statistics = tally.statistics(asked, method.name_for(posterior.expected, initial))
+    statistics = tally.statistics(asked, method.name_for(posterior.expected, job.model.initial))
     statistics = replace(statistics, truncated=watch.truncation(statistics.runs))
     return RunsOverDraws(statistics, np.sqrt(variance / done), kept, done)
 
 
 def _batches(
-    posterior: RatesPosterior,
-    initial: Counts,
-    watch: Watch,
-    n_draws: int,
-    block: int,
-    batch: int,
-    method: SamplingMethod,
-    seed: int,
-    threads: int | None,
-    weights: Ints | None,
+    job: Job, posterior: RatesPosterior, watch: Watch, n_draws: int, block: int, batch: int, method: SamplingMethod
 ) -> Iterator[list[tuple[Floats, Ints]]]:
-    """Batches of draws: the parameters (P,) and the counts (RUNS_PER_DRAW, T, S) of each."""
+    """Batches of draws: the parameters (P,) and the counts (RUNS_PER_DRAW, T, V) of each."""
     for number, begin in enumerate(range(0, n_draws, block)):
         # Streams of their own: spawned, so that they share nothing with the runs of the same seed.
-        sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(1, number))
+        sequence = np.random.SeedSequence(whole_number("seed", job.seed, 0), spawn_key=(1, number))
         table = posterior.draw(np.random.default_rng(sequence), min(block, n_draws - begin))
         made = simulate_draws(
-            posterior.expected, posterior.constants(table), initial, watch.grid, RUNS_PER_DRAW, seed,
+            posterior.expected, posterior.constants(table), job.model.initial, watch.grid, RUNS_PER_DRAW, job.seed,
             method=method,
             first_run=begin * RUNS_PER_DRAW,
-            threads=len(os.sched_getaffinity(0)) if threads is None else threads,
-            weights=weights,
+            threads=len(os.sched_getaffinity(0)) if job.threads is None else job.threads,
+            weights=None if job.observables is None else job.observables.weights,
             watch=watch,
         )  # fmt: skip
         waiting = []

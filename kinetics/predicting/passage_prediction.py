@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
 
-from kinetics.markov.passage import Passage, first_passage
-from kinetics.network import Network, Tank
+from kinetics.markov import first_passage
+from kinetics.markov.passage import Passage
+from kinetics.network import Model, Network, Tank
 from kinetics.network.sums import Counted
 from kinetics.predicting.over_draws import LIMITS
 from kinetics.predicting.prediction import evidence_notes
 from kinetics.rates import BookRates, Rates
+from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import Counts, whole_number
 from kinetics.support.cli.progress import stage
 from kinetics.support.shown import ResultTable, Shown
-from kinetics.support.tables import in_unit
+from kinetics.support.tables import counted, in_unit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -23,8 +26,8 @@ class PassagePrediction(Shown):
     """A first-passage time under rates that are known from evidence, or taken as known; times in tu.
 
     passage : its distribution at the posterior mean of each rate constant, or at the rates that are taken as known
-    mean : posterior median of the mean time; the mean of `passage` where the rates have no evidence
-    low, high : middle 95 % of the mean time from the rates; None where these have no evidence
+    mean : the mean of `passage`, with its bounds; where rates have evidence, the posterior median of the mean time and
+        its middle 95 %
     notes : remarks for the reader
     network : the network whose passage it is, with its rate constants
 
@@ -33,23 +36,21 @@ class PassagePrediction(Shown):
 
     >>> from kinetics import Network, predict_passage
     >>> found = predict_passage(Network.from_text("A -> B, 0.1"), None, {"A": 1}, "B")
-    >>> round(found.mean, 9), found.low  # no interval: the rates are taken as known
-    (10.0, None)
+    >>> round(found.mean.value, 9), found.mean.kind  # rate constants taken as exact (no uncertainty given)
+    (10.0, 'proven')
     """
 
     passage: Passage
-    mean: float
-    low: float | None
-    high: float | None
+    mean: Answer
     notes: tuple[str, ...]
     network: Network
 
     @property
     def headline(self) -> str:
         """Its mean time, with the interval from the rates."""
-        mean = in_unit(f"{self.mean:.4g}", self.passage.time_unit)
-        limits = "" if self.low is None else f" [{self.low:.4g}, {self.high:.4g}], 95 % from the rates"
-        return f"time until {self.passage.target}: mean {mean}{limits}"
+        mean = in_unit(f"{self.mean.value:.4g}", self.passage.time_unit)
+        known = f" [{self.mean.low:.4g}, {self.mean.high:.4g}], 95 % from the rates"
+        return f"time until {self.passage.target}: mean {mean}{known if self.mean.kind == CONFIDENCE else ''}"
 
     def summary(self) -> ResultTable:
         """The distribution of the time, under its headline and notes."""
@@ -58,9 +59,9 @@ class PassagePrediction(Shown):
 
 
 def predict_passage(
-    network: Network,
+    model: Model | Network,
     rates: Rates | BookRates | None,
-    initial: Counts,
+    initial: Counts | None,
     species: Counted,
     copies: int = 1,
     seed: int = 0,
@@ -69,7 +70,8 @@ def predict_passage(
 ) -> PassagePrediction:
     """First passage to `copies` of a species, and what the uncertainty of the rates leaves open of its mean.
 
-    rates : None for the network's own, which are taken as known, so that there is no interval
+    rates : None for the model's own, which are taken as known, so that there is no interval
+    initial : counts at time 0 that go before the model's; None for these
     draws : number of draws of the rates; each is solved exactly, so the cost is so many solutions
     tank : where it happens; None for the tank of the rates
     ValueError: rates of another network or without their tank, and what `first_passage` refuses
@@ -79,26 +81,30 @@ def predict_passage(
     >>> measured = ChannelRate(rate=0.1, events=40, exposure=400.0, ways=1)
     >>> rates = Rates(convention=Convention(combinations="distinct"), channels={"decay": measured})
     >>> found = predict_passage(decay, rates, {"A": 1}, "B", seed=1)
-    >>> found.low < 10.0 < found.high, round(found.passage.mean, 4)  # of the mean rate, 40.5 / 400
+    >>> found.mean.low < 10.0 < found.mean.high, round(found.passage.mean, 4)  # of the mean rate, 40.5 / 400
     (True, 9.8765)
     """
+    given = Model.of(model, initial)
+    network, start = given.network, given.initial
     if rates is None or not rates.has_evidence:
-        model = network if rates is None else rates.apply(network, tank)
-        passage = first_passage(model, initial, species, copies)
-        return PassagePrediction(passage, passage.mean, None, None, evidence_notes(rates), model)
-    posterior = rates.posterior(network, tank)
+        network = network if rates is None else rates.apply(network, tank)
+        passage = first_passage(network, start, species, copies)
+        return PassagePrediction(passage, passage.answer("mean"), evidence_notes(rates), network)
+    began, posterior = time.process_time(), rates.posterior(network, tank)
     sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(1, 0))
     table = posterior.draw(np.random.default_rng(sequence), whole_number("draws", draws, 2))
     models = (posterior.expected.with_rates(constants) for constants in posterior.constants(table))
     means = []
     for number, each in enumerate(models):
         stage(f"{number} of {draws} draws of the rates", number / draws)
-        means.append(first_passage(each, initial, species, copies).mean)
+        means.append(first_passage(each, start, species, copies).mean)
     # No interpolation between a finite mean and an infinite one.
     low, median, high = np.quantile(means, (LIMITS[0], 0.5, LIMITS[1]), method="inverted_cdf").tolist()
     notes = (
         "the mean is the posterior median of the mean time (which may have no posterior mean), with the middle 95 %",
         "sd, quantiles and curve are those at the posterior mean of each rate constant",
     )
-    passage = first_passage(posterior.expected, initial, species, copies)
-    return PassagePrediction(passage, median, low, high, (*evidence_notes(rates), *notes), posterior.expected)
+    passage = first_passage(posterior.expected, start, species, copies)
+    cost, size = time.process_time() - began, counted(draws, "draw")
+    mean = Answer(median, low, high, CONFIDENCE, "draws of the rates", cost, size)
+    return PassagePrediction(passage, mean, (*evidence_notes(rates), *notes), posterior.expected)

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.network import Network, Tank
+from kinetics.network import Model, Network, Tank
+from kinetics.predicting.job import Job
 from kinetics.predicting.methods import method_of
 from kinetics.predicting.observables import Observables
-from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, runs_over_draws
+from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, RunsOverDraws, runs_over_draws
 from kinetics.runs import EnsembleStatistics, Truncation
-from kinetics.sampling import Auto, SamplingMethod, simulate_statistics
+from kinetics.sampling import Auto, SamplingMethod
 from kinetics.sampling.forecast import forecast_runs
+from kinetics.sampling.streamed import streamed
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Counts, Floats, real_number, some_times
 from kinetics.support.datasets import dataset
@@ -30,8 +32,7 @@ if TYPE_CHECKING:
 
     from kinetics.markov.transient import Distribution, SolvingMethod
     from kinetics.predicting.accuracy import AskedAccuracy, Reached
-    from kinetics.predicting.reaching import ReachedAnswer
-    from kinetics.rates import BookRates, Rates
+    from kinetics.rates import BookRates, Rates, RatesPosterior
 
 RUNS = 1000
 
@@ -139,10 +140,10 @@ class Prediction(Shown, Tabular):
 
 
 def predict(
-    network: Network,
-    rates: Rates | BookRates | None,
-    initial: Counts,
-    times: ArrayLike,
+    model: Model | Network,
+    rates: Rates | BookRates | None = None,
+    initial: Counts | None = None,
+    times: ArrayLike = (),
     method: SamplingMethod | SolvingMethod | str | None = None,
     runs: int | None = None,
     seed: int = 0,
@@ -157,7 +158,8 @@ def predict(
 ) -> Prediction:
     """Predict mean and spread of the counts at `times` under `rates`, with a 95 % interval of the mean.
 
-    rates : None for the network's own, which are taken as known, so that there is no interval
+    rates : None for the model's own, which are taken as known, so that there is no interval
+    initial : counts at time 0 that go before the model's; None for these
     method : a sampling or solving method, or its name; Auto() by default
     runs : least number of runs of a sampling method, 1000 by default; with evidence there are `RUNS_PER_DRAW` under
         each draw
@@ -166,7 +168,7 @@ def predict(
     observables : sums of counts to report instead of all counts
     tank : where it happens; None for the tank of the rates
     accuracy : instead of method and runs: an `AskedAccuracy`, or a text such as "1%"; the cheapest method that reaches
-        it is chosen, see `reaching.reach`, and mean and sd are those at the posterior mean of each rate constant
+        it is chosen, see `adaptive_prediction`, and mean and sd are those at the posterior mean of each rate constant
     budget : CPU time allowed for it, s; 1200 by default
     max_events : the most events of a sampled run; figures end before the first run that would come to more, or whose
         counts or propensities go beyond all numbers, see `simulate`
@@ -192,66 +194,31 @@ def predict(
     True
     """
     began = time.process_time()
-    report = progress or (lambda _: None)
     _check_choice(accuracy, method, runs, budget)
     method = Auto() if method is None else method_of(method)
-    least = RUNS if runs is None else runs
-    posterior = None if rates is None or not rates.has_evidence else rates.posterior(network, tank)
-    model = network if rates is None else rates.expected(network, tank)
-    shown = model if observables is None else observables.network
-    # first, because it may be refused, and sampling takes long
-    solved = None if isinstance(method, SamplingMethod) else method.solve(model, initial, times)
-    answer = (
-        None
-        if accuracy is None
-        else _reach(model, initial, times, observables, accuracy, seed, threads, budget, report)
-    )
-    name = method.name
-    if answer is None and isinstance(method, SamplingMethod):
-        name = method.name_for(model, initial)
-    notes, spread, is_complete = list(evidence_notes(rates)), None, True
-    sampling = method if isinstance(method, SamplingMethod) else Auto()
-    if posterior is not None:
-        weights = None if observables is None else observables.weights
-        at_least = least if solved is None and answer is None else 1
-        spread = runs_over_draws(
-            posterior, shown, weights, initial, times, at_least, draws, sampling, seed, threads, report, max_events
-        )
-        is_complete = spread.statistics.is_complete
-        if not is_complete:
-            notes.append(f"interrupted: {spread.draws} draws of the rates, {spread.statistics.runs} runs were made")
-    result: EnsembleStatistics | Distribution
-    if solved is not None:
-        result = solved if observables is None else observables.of_distribution(solved)
-    elif answer is not None:
-        result, name, is_complete = answer.result, answer.method, is_complete and answer.is_complete
-        notes += answer.reached.notes
-        if not answer.is_complete:
-            notes.append("ended before the accuracy was reached, by Ctrl-C or by the budget")
-    elif spread is not None:
-        result = spread.statistics
-        notes.append(f"mean, sd and band are those of {result.runs} runs under {spread.draws} draws of the rates")
+    given = Model.of(model, initial)
+    posterior = None if rates is None or not rates.has_evidence else rates.posterior(given.network, tank)
+    if rates is not None:
+        given = replace(given, network=rates.expected(given.network, tank))
+    report = progress or (lambda _: None)
+    job = Job(given, some_times(times), observables, seed, threads, report, max_events)
+    if accuracy is not None:
+        found = _adapted(job, accuracy, budget)
+    elif isinstance(method, SamplingMethod):
+        found = _sampled(job, method, RUNS if runs is None else runs, posterior, draws)
     else:
-        forecast_runs(model, sampling, initial, some_times(times), least, threads, max_events)
-        sampling = sampling if observables is None else observables.sampling(sampling, model)
-        result = simulate_statistics(
-            shown, sampling, initial, times, least, seed, threads,
-            covariances=False, progress=lambda done: report(f"{done} of {least} runs"), max_events=max_events,
-        )  # fmt: skip
-        is_complete = result.is_complete
-        if not is_complete:
-            notes.append(f"interrupted: {result.runs} of {least} runs were made")
+        found = _solved(job, method)
+    result, spread = found.result, found.spread
+    notes, is_complete = [*evidence_notes(rates), *found.notes], found.is_complete
+    if posterior is not None and spread is None:
+        spread = runs_over_draws(replace(job, grid=result.times), posterior, 1, draws, Auto())
+        is_complete = is_complete and spread.statistics.is_complete
+        notes.append("mean, sd and band are those at the posterior mean of each rate constant")
+    if spread is not None and not spread.statistics.is_complete:
+        notes.append(f"interrupted: {spread.draws} draws of the rates, {spread.statistics.runs} runs were made")
     truncated = result.truncated if isinstance(result, EnsembleStatistics) else None
     if truncated is not None:
         notes.append(str(truncated))
-    if posterior is not None and (solved is not None or answer is not None):
-        notes.append("mean, sd and band are those at the posterior mean of each rate constant")
-    if not isinstance(result, EnsembleStatistics):
-        standard_error, error = np.zeros((result.times.size, len(shown.species))), result.error
-    elif spread is not None and answer is None:
-        standard_error, error = spread.standard_error, 0.0
-    else:
-        standard_error, error = result.standard_error(), 0.0
     mean = result.mean()
     drawn = None if spread is None else spread.drawn
     if drawn is not None and drawn.means.shape[1] < len(mean):
@@ -262,8 +229,14 @@ def predict(
         notes.append(
             f"an interval without width is narrower than {RUNS_PER_DRAW} runs under a draw of the rates can show"
         )
+    if isinstance(result, EnsembleStatistics):
+        off = int(result.quantile_error().max())
+        standard_error, error = result.standard_error() if found.spread is None else found.spread.standard_error, 0.0
+        notes += [f"the middle 95 % of the runs is known to {off} copies"] if off else []
+    else:
+        standard_error, error = np.zeros(mean.shape), result.error
     return Prediction(
-        shown,
+        job.shown,
         result.times,
         mean,
         result.sd(),
@@ -271,15 +244,68 @@ def predict(
         high,
         standard_error,
         error,
-        (*notes, *filter(None, [_rounding(result)])),
+        tuple(notes),
         result,
-        name,
+        found.method,
         time.process_time() - began,
         is_complete,
         drawn,
-        None if answer is None else answer.reached,
+        found.reached,
         truncated,
     )
+
+
+class _Found(NamedTuple):
+    """What a strategy gives.
+
+    spread : the runs over draws of the rates, if mean and sd come from these
+    """
+
+    result: EnsembleStatistics | Distribution
+    method: str
+    is_complete: bool = True
+    notes: tuple[str, ...] = ()
+    spread: RunsOverDraws | None = None
+    reached: Reached | None = None
+
+
+def _solved(job: Job, method: SolvingMethod) -> _Found:
+    """By a method that solves the master equation."""
+    return _Found(job.distribution(method.solve(job.model.network, job.model.initial, job.grid)), method.name)
+
+
+def _sampled(job: Job, method: SamplingMethod, runs: int, posterior: RatesPosterior | None, draws: int) -> _Found:
+    """By runs: spread over draws of the rates where these have evidence."""
+    name = method.name_for(job.model.network, job.model.initial)
+    if posterior is not None:
+        spread = runs_over_draws(job, posterior, runs, draws, method)
+        made = spread.statistics
+        note = f"mean, sd and band are those of {made.runs} runs under {spread.draws} draws of the rates"
+        return _Found(made, name, made.is_complete, (note,), spread)
+    forecast_runs(job.model.network, method, job.model.initial, job.grid, runs, job.threads, job.max_events)
+    sampling = method if job.observables is None else job.observables.sampling(method, job.model.network)
+    made = streamed(
+        job.shown, sampling, job.model.initial, job.grid, runs, job.seed, job.threads,
+        covariances=False, progress=lambda done: job.report(f"{done} of {runs} runs"), max_events=job.max_events,
+    )  # fmt: skip
+    notes = () if made.is_complete else (f"interrupted: {made.runs} of {runs} runs were made",)
+    return _Found(made, name, made.is_complete, notes)
+
+
+def _adapted(job: Job, accuracy: AskedAccuracy | str | float, budget: float | None) -> _Found:
+    """By the cheapest way to an accuracy."""
+    from kinetics.predicting.accuracy import accuracy_of
+    from kinetics.predicting.adaptive import adaptive_prediction
+    from kinetics.predicting.tuning import BUDGET
+
+    allowed = BUDGET if budget is None else real_number("budget", budget)
+    if not 0 < allowed < np.inf:
+        raise ValueError(f"budget = {allowed:g}; expected a positive number of seconds")
+    result, reached, is_complete = adaptive_prediction(job, accuracy_of(accuracy), allowed)
+    notes = reached.notes
+    if not is_complete:
+        notes = (*notes, "ended before the accuracy was reached, by Ctrl-C or by the budget")
+    return _Found(result, reached.chosen, is_complete, notes, reached=reached)
 
 
 def _check_choice(accuracy: object, method: object, runs: object, budget: object) -> None:
@@ -293,23 +319,6 @@ def _check_choice(accuracy: object, method: object, runs: object, budget: object
             )
 
 
-def _reach(
-    model: Network, initial: Counts, times: ArrayLike, observables: Observables | None,
-    accuracy: AskedAccuracy | str | float, seed: int, threads: int | None, budget: float | None,
-    report: Callable[[str], None],
-) -> ReachedAnswer:  # fmt: skip
-    """The answer to an accuracy."""
-    from kinetics.predicting.accuracy import accuracy_of
-    from kinetics.predicting.reaching import BUDGET, AskedCounts, reach
-
-    grid = some_times(times)
-    allowed = BUDGET if budget is None else real_number("budget", budget)
-    if not 0 < allowed < np.inf:
-        raise ValueError(f"budget = {allowed:g}; expected a positive number of seconds")
-    question = AskedCounts(model, model.state(initial), grid, observables)
-    return reach(question, accuracy_of(accuracy), seed, threads, allowed, report)
-
-
 def evidence_notes(rates: Rates | BookRates | None) -> tuple[str, ...]:
     """Remarks on the interval of a prediction from `rates`, for the reader."""
     if rates is None:
@@ -320,9 +329,3 @@ def evidence_notes(rates: Rates | BookRates | None) -> tuple[str, ...]:
     if bare:
         return (f"the interval leaves out {', '.join(bare)}: taken as known, because without evidence",)
     return ()
-
-
-def _rounding(result: EnsembleStatistics | Distribution) -> str:
-    """How well the limits of the middle 95 % of runs are known, where that is not exactly."""
-    off = int(result.quantile_error().max()) if isinstance(result, EnsembleStatistics) else 0
-    return f"the middle 95 % of the runs is known to {off} copies" if off else ""

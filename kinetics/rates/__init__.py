@@ -13,24 +13,15 @@ from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from kinetics.rates.break_terms import BreakTerms, ShapePosterior
-    from kinetics.rates.by_class import (
-        ClassRate,
-        ClassRates,
-        general_entries,
-        measured_class,
-        with_prior,
-    )
-    from kinetics.rates.of_book import BookRates
+    from kinetics.rates.by_class import BookRates, ClassRates
+    from kinetics.rates.class_entries import ClassRate, general_entries, measured_class, with_prior
     from kinetics.rates.posterior import RatesPosterior
     from kinetics.rates.rates import ChannelRate, Convention, Rates, about_priors
 
 _HOMES = {
     "kinetics.rates.break_terms": ("BreakTerms", "ShapePosterior"),
-    "kinetics.rates.by_class": (
-        *("ClassRate", "ClassRates"),
-        *("general_entries", "measured_class", "with_prior"),
-    ),
-    "kinetics.rates.of_book": ("BookRates",),
+    "kinetics.rates.by_class": ("BookRates", "ClassRates"),
+    "kinetics.rates.class_entries": ("ClassRate", "general_entries", "measured_class", "with_prior"),
     "kinetics.rates.posterior": ("RatesPosterior",),
     "kinetics.rates.rates": ("ChannelRate", "Convention", "Rates", "about_priors"),
 }

@@ -7,9 +7,10 @@ that fits counts.
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -20,37 +21,20 @@ from msgspec.structs import force_setattr
 from kinetics.network import Network
 from kinetics.rates.break_terms import BreakTerms
 from kinetics.rates.breaks import Expansion
-from kinetics.rates.class_keys import are_by_class, class_keys, more_general, number_touched, plain_key
-from kinetics.rates.rates import ChannelRate, Convention, MeasuredRate, Rates
+from kinetics.rates.class_entries import ClassRate, general_entries, measured_class, parts_of, sums
+from kinetics.rates.class_keys import are_by_class, class_keys, plain_key
+from kinetics.rates.measured import MeasuredRate
+from kinetics.rates.posterior import AppliedRates
+from kinetics.rates.rates import ChannelRate, Convention, Rates
 from kinetics.support.arrays import Floats
 from kinetics.support.config import read_toml, write_toml
-from kinetics.support.intervals import exact_limits, posterior_draws
+from kinetics.support.intervals import posterior_draws
 from kinetics.support.settings import Settings, validated
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation, RateClass
 
 DISTINCT = Convention(combinations="distinct", time_unit="tu")
-UNTOLD = 2.0  # events: what all evidence of places where as many faces meet says of places where it is another number
-
-
-class ClassRate(MeasuredRate):
-    """Rate constant of one class.
-
-    events : not whole where classes that differ were pooled: what the evidence is then worth
-    exposures : of a break whose model has a shape that is not known, the exposure to bodies of 1, 2, ... cubes, to the
-        wall and to nobody; `exposure` is their sum, weighted as the model weights them
-    exposure_by_shape : the same as exposure at each point of the shape's posterior, where partners are species
-
-    >>> from kinetics.rates import ClassRate, ClassRates
-    >>> join = ClassRate(rate=0.02, events=2, exposure=100.0)
-    >>> rates = ClassRates(classes={"join": join, "break": ClassRate(rate=1.0)})
-    >>> rates.classes["join"].events, rates.classes["break"].exposure is None
-    (2.0, True)
-    """
-
-    exposures: tuple[float, ...] | None = None
-    exposure_by_shape: tuple[float, ...] | None = None
 
 
 class ClassRates(Settings):
@@ -177,10 +161,7 @@ class ClassRates(Settings):
 
         The constant of a channel is the mean over its classes, weighted by their ways.
         """
-        base = self.base(derivation)
-        self.breaks.check(base)
-        expansion = Expansion.of(base, self.breaks.break_model)
-        return expansion.network.with_rates(expansion.constants(base.known_rates, self.breaks.weights(base)))
+        return BookRates(self, derivation).apply(derivation.network)
 
     def base(self, derivation: Derivation) -> Network:
         """The same with one channel a break, which has its coefficient."""
@@ -204,7 +185,9 @@ class ClassRates(Settings):
         table = posterior_draws(rng, n, [c.rate for c in known], [c.events for c in known], [c.exposure for c in known])
         points, drawn = self.breaks.shape_draws(rng, n)
         for column, entry in enumerate(known):
-            by_shape = self._by_shape(entry)
+            by_shape = None
+            if self.breaks.posterior is not None:
+                by_shape = entry.exposure_at(self.breaks, np.array(self.breaks.posterior.points), "")
             if by_shape is not None and entry.exposure is not None:
                 table[:, column] *= entry.exposure / by_shape[points]
         return [
@@ -214,19 +197,88 @@ class ClassRates(Settings):
             for row, breaks in zip(table.tolist(), drawn, strict=True)
         ]
 
-    def _by_shape(self, entry: ClassRate) -> Floats | None:
-        """Exposure (G,) of an entry at each point of the shape's posterior; None where it does not depend on it."""
-        if entry.exposures is None or self.breaks.posterior is None:
-            return None if entry.exposure_by_shape is None else np.array(entry.exposure_by_shape)
-        sizes = np.arange(1.0, len(entry.exposures) - 1)
-        shapes = [dict(zip(self.breaks.shape, point, strict=True)) for point in self.breaks.posterior.points]
-        weights = (self.breaks.break_model.by_size(sizes, shape) for shape in shapes)
-        return np.array([np.append(bodies, fixed) for bodies, *fixed in weights]) @ np.array(entry.exposures)
-
     def without_evidence(self, classes: Iterable[RateClass]) -> list[str]:
         """The keys used by these classes whose rates have no events and exposure."""
         used = dict.fromkeys(map(self.key, classes))
         return [key for key in used if self.classes[key].exposure is None]
+
+
+@dataclass(frozen=True, eq=False)
+class BookRates(AppliedRates):
+    """Class rates in the derived network of one book.
+
+    rates : by class
+    derivation : of the book
+
+    ValueError: faces of another scheme, or a class of the book without a rate.
+
+    >>> from kinetics.assembly import RuleBook, derive
+    >>> from kinetics.rates import BookRates, ClassRates
+    >>> line = derive(RuleBook.load("line4"))
+    >>> rates = BookRates(ClassRates.uniform(join=1e-4, break_=1e-3), line)
+    >>> rates.has_evidence, sorted(set(rates.apply(line.network).rate_constants.tolist()))
+    (False, [0.0001, 0.001])
+    """
+
+    rates: ClassRates
+    derivation: Derivation
+
+    @property
+    def convention(self) -> Convention:
+        """How propensities are put together."""
+        return self.rates.convention
+
+    @property
+    def breaks(self) -> BreakTerms:  # type: ignore[override]
+        """The break model."""
+        return self.rates.breaks
+
+    @property
+    def tank(self) -> tuple[float, float, float] | None:  # type: ignore[override]
+        """Edges of the tank in which the rates were measured."""
+        return self.rates.tank
+
+    def expansion(self, network: Network) -> Expansion:
+        """The book's network with these rates as they stand, and what the break model makes of it.
+
+        ValueError: the network of another book.
+        """
+        if network.fingerprint != self.derivation.network.fingerprint:
+            raise ValueError(f"these rates are for the network of book {self.derivation.book.name!r}, not for this one")
+        return self._expansion
+
+    @cached_property
+    def _expansion(self) -> Expansion:
+        base = self.rates.base(self.derivation)
+        self.breaks.check(base)
+        return Expansion.of(base, self.breaks.break_model)
+
+    def known(self, network: Network) -> tuple[dict[str, MeasuredRate], Floats]:  # noqa: ARG002
+        """The entries that the book uses. All channels that take an entry vary together."""
+        return {key: self.rates.classes[key] for key in self._keys}, self._shares
+
+    @property
+    def has_evidence(self) -> bool:
+        """Whether any entry that the book uses has events and exposure."""
+        return len(self.without_evidence()) < len(self._keys)
+
+    def without_evidence(self) -> list[str]:
+        """The entries that the book uses and that have no events and exposure."""
+        return self.rates.without_evidence(self.derivation.rate_classes)
+
+    @cached_property
+    def _keys(self) -> tuple[str, ...]:
+        used = set(map(self.rates.key, self.derivation.rate_classes))
+        return tuple(key for key in self.rates.classes if key in used)
+
+    @cached_property
+    def _shares(self) -> Floats:
+        places = {key: k for k, key in enumerate(self._keys)}
+        table = np.zeros((len(self.derivation.events), len(places)))
+        for row, ways in zip(table, self.derivation.events.values(), strict=True):
+            for rate_class, n in ways.items():
+                row[places[self.rates.key(rate_class)]] += n
+        return np.asarray(table / self.derivation.network.ways[:, None])
 
 
 class _Share(NamedTuple):
@@ -259,109 +311,7 @@ def _pooled(shares: list[_Share]) -> ClassRate:
     if len(entries) == 1:
         return entries[0]
     if all(entry.exposure is not None for entry in entries):
-        events, exposure = _sums(entries)
-        return measured_class(events / exposure, events, exposure, **_parts(entries, 1.0))
+        events, exposure = sums(entries)
+        return measured_class(events / exposure, events, exposure, **parts_of(entries, 1.0))
     weights = [ways for ways, _ in shares]
     return ClassRate(rate=float(np.average([entry.rate for entry in entries], weights=weights)))
-
-
-def _sums(entries: Sequence[ClassRate]) -> tuple[float, float]:
-    """All events and all exposure."""
-    return sum(entry.events or 0.0 for entry in entries), sum(entry.exposure or 0.0 for entry in entries)
-
-
-def general_entries(entries: Mapping[str, ClassRate]) -> dict[str, ClassRate]:
-    """Entries for all keys that are more general than these, each over its members, see `over_classes`.
-
-    Members at which as many faces meet say little of places where it is another number, however they agree: such
-    evidence of all joins is worth `UNTOLD` events, draws of which lie between a sixth and 2.6 times the rate (95 %).
-
-    >>> from kinetics.rates import general_entries, measured_class
-    >>> known = {f"break {n} f1 + 2 f1": measured_class(0.1, events=10, exposure=100.0) for n in (1, 2)}
-    >>> {key: (entry.events, entry.exposure) for key, entry in general_entries(known).items()}
-    {'break f1 + f1': (20.0, 200.0), 'break': (20.0, 200.0)}
-    """
-    members: dict[str, dict[str, ClassRate]] = defaultdict(dict)
-    for key, entry in entries.items():
-        for other in more_general(key):
-            members[other][key] = entry
-    found = {}
-    for key, some in members.items():
-        is_told = number_touched(key) is not None or len(set(map(number_touched, some))) > 1
-        found[key] = over_classes(list(some.values()), math.inf if is_told or key != "join" else UNTOLD)
-    return found
-
-
-def over_classes(entries: Sequence[ClassRate], at_most: float = math.inf) -> ClassRate:
-    """One entry for several classes: their mean, with the evidence that their scatter leaves of it, `at_most` events.
-
-    Draws from it are those of the rate of a class that was not measured: of the classes' mean, and of the variance
-    between them beyond that of counting (by moments, as DerSimonian & Laird 1986, doi:10.1016/0197-2456(86)90046-2).
-    """
-    if any(entry.exposure is None for entry in entries):
-        return ClassRate(rate=float(np.mean([entry.rate for entry in entries])))
-    events, exposure = _sums(entries)
-    rate = events / exposure
-    between = _variance_between(entries)
-    if rate == 0 or (between == 0 and events <= at_most):
-        return measured_class(rate, events, exposure, **_parts(entries, 1.0))
-    worth = rate**2 / (between + rate / exposure)  # events of a gamma distribution as wide
-    kept = min(max(worth - 0.5, 0.0), at_most)  # Jeffreys' prior adds the half
-    part = (kept + 0.5) / events
-    return measured_class(rate, kept, part * exposure, **_parts(entries, part))
-
-
-def with_prior(entry: ClassRate, prior: ClassRate) -> ClassRate:
-    """The evidence of a class, and that of an entry over classes like it: the sum of events and of exposures.
-
-    A draw is then Gamma(events of its own + a, exposure of its own + b), where Gamma(a, b) is that of the prior.
-
-    >>> from kinetics.rates import measured_class, with_prior
-    >>> entry = with_prior(measured_class(0.0, events=0, exposure=10.0), measured_class(0.1, events=2.0, exposure=25.0))
-    >>> entry.events, entry.exposure, round(entry.rate, 6)  # (2 + 1/2) / 35
-    (2.0, 35.0, 0.071429)
-    """
-    if entry.events is None or entry.exposure is None or prior.events is None or prior.exposure is None:
-        return entry
-    events, exposure = entry.events + prior.events, entry.exposure + prior.exposure
-    return measured_class((events + 0.5) / exposure, events, exposure, **_parts([entry, prior], 1.0))
-
-
-def _variance_between(entries: Sequence[ClassRate]) -> float:
-    """Variance of the rates of several classes beyond what counting gives, 0 or more."""
-    n = np.array([entry.events for entry in entries], dtype=float)
-    exposure = np.array([entry.exposure for entry in entries], dtype=float)
-    total = exposure.sum()
-    rate = n.sum() / total
-    seen = float(((n - exposure * rate) ** 2).sum())
-    second, third = float((exposure**2).sum()), float((exposure**3).sum())
-    by_counting = rate * (total - second / total)
-    weight = second - 2 * third / total + (second / total) ** 2
-    return max(seen - by_counting, 0.0) / weight if weight > 0 else 0.0
-
-
-def _parts(entries: Sequence[ClassRate], part: float) -> dict[str, tuple[float, ...]]:
-    """Part of all exposure, partner by partner and at each point of the shape's posterior, as far as all have it."""
-    found: dict[str, tuple[float, ...]] = {}
-    for name in ("exposures", "exposure_by_shape"):
-        known = [value for entry in entries if (value := getattr(entry, name)) is not None]
-        if len(known) == len(entries):
-            found[name] = tuple(float(f"{value:.6g}") for value in part * np.sum(known, axis=0))
-    return found
-
-
-def measured_class(rate: float, events: float, exposure: float, **parts: tuple[float, ...]) -> ClassRate:
-    """A class rate with its exact interval (Garwood 1936, doi:10.1093/biomet/28.3-4.437).
-
-    For an entry of several classes, the interval is stretched to hold their mean.
-
-    parts : `exposures` or `exposure_by_shape`, where there are any
-
-    >>> from kinetics.rates import measured_class
-    >>> entry = measured_class(0.02, events=4, exposure=200.0)
-    >>> round(entry.low, 4), round(entry.high, 4)
-    (0.0054, 0.0512)
-    """
-    low, high = map(float, exact_limits(events, exposure))
-    limits = {"low": min(low, rate), "high": max(high, rate)}
-    return validated(ClassRate, {"rate": rate, "events": events, "exposure": exposure} | limits | parts, "a class")

@@ -9,23 +9,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.network import Network
+from kinetics.network import Network, Tank
 from kinetics.rates.break_terms import BreakTerms
 from kinetics.rates.breaks import Expansion
+from kinetics.rates.measured import MeasuredRate
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import jeffreys_posterior, posterior_draws
 
 
 @dataclass(frozen=True, eq=False)
 class RatesPosterior:
-    """What is known of P parameters: the rates of R channels, then the shape parameters of the break model.
+    """What is known of P parameters: the K rates behind R channels, then the shape parameters of the break model.
 
     expansion : the network in which breaks have partners
     breaks : the break model, and the posterior of its shape
-    rates : (R,) point rates, 1/tu
-    events, exposure : evidence of each channel; None where there is none, so that the rate is taken as known
-    exposures : exposures of each break to the partners; None where they are not known
+    rate_names : (K,) keys of the rates: the channels, or the classes and more general entries that a book uses
+    known : (K,) the rates with their evidence; one without evidence is taken as known
     scales : (R',) factors on the rate constants, from the tank of the measurement to that of the use
+    shares : (R, K) what each rate adds to the coefficient of a channel: the ways of its classes over all ways; None
+        where every channel has its own
 
     Each rate comes from Gamma(events + 1/2, exposure), its posterior under Jeffreys' prior, with the exposure at the
     shape of largest likelihood. At another shape the same rate stands for the coefficient by which as many breaks would
@@ -42,39 +44,62 @@ class RatesPosterior:
 
     expansion: Expansion
     breaks: BreakTerms
-    rates: tuple[float, ...]
-    events: tuple[float | None, ...]
-    exposure: tuple[float | None, ...]
-    exposures: tuple[tuple[float, ...] | None, ...]
+    rate_names: tuple[str, ...]
+    known: tuple[MeasuredRate, ...]
     scales: Floats
+    shares: Floats | None = None
+
+    @property
+    def rates(self) -> tuple[float, ...]:
+        """Point rates (K,), 1/tu."""
+        return tuple(rate.rate for rate in self.known)
+
+    @property
+    def events(self) -> tuple[float | None, ...]:
+        """Events (K,) behind each rate."""
+        return tuple(rate.events for rate in self.known)
+
+    @property
+    def exposure(self) -> tuple[float | None, ...]:
+        """Exposure (K,) behind each rate, tu."""
+        return tuple(rate.exposure for rate in self.known)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names (P,) of the parameters."""
         return (*self.rate_names, *self.breaks.shape)
 
-    @property
-    def rate_names(self) -> tuple[str, ...]:
-        """Names of the rates: of their channels."""
-        return self.expansion.base.channels
-
     def coefficients(self, rates: Floats) -> Floats:
-        """Coefficients (n, R) of the channels, from rates (n, R): the same."""
-        return rates
+        """Coefficients (n, R) of the channels, from rates (n, K)."""
+        return rates if self.shares is None else np.asarray(rates @ self.shares.T)
 
-    def parts(self, parameters: Floats) -> Floats:  # noqa: ARG002
-        """The part (R, R') that each rate has in each rate constant at parameters (P,): all of its own channel's."""
-        return (self.expansion.base_of == np.arange(len(self.rates))[:, None]).astype(float)
+    def parts(self, parameters: Floats) -> Floats:
+        """The part (K, R') that each rate has in each rate constant at parameters (P,)."""
+        if self.shares is None:
+            return (self.expansion.base_of == np.arange(len(self.known))[:, None]).astype(float)
+        rates, shape = np.split(parameters, [len(self.known)])
+        each = self.shares * rates * self.factors_at(shape[None, :])[0]
+        each = np.where(each.any(axis=1, keepdims=True), each, self.shares)
+        return np.asarray((each / each.sum(axis=1, keepdims=True)).T[:, self.expansion.base_of])
 
     def exposures_at(self, points: Floats) -> list[Floats | None]:
-        """Exposure (G,) of each rate at shapes (G, K); None where it does not depend on them."""
-        weights = self._weights_at(points)
-        return [None if parts is None else weights @ np.array(parts) for parts in self.exposures]
+        """Exposure (G,) of each rate at shapes (G, S); None where it does not depend on them.
+
+        ValueError: a rate whose exposure is known at the points of the shape's posterior alone, and another shape.
+        """
+        by_species = self._weights_at(points) if self.shares is None else None
+        found = []
+        for name, rate in zip(self.rate_names, self.known, strict=True):
+            if by_species is None or rate.exposures is None:
+                found.append(rate.exposure_at(self.breaks, points, name))
+            else:
+                found.append(by_species @ np.array(rate.exposures))
+        return found
 
     @cached_property
     def mean(self) -> Floats:
         """Posterior means (P,); the value itself where a parameter is taken as known."""
-        means = [self._gamma(r)[0] for r in range(len(self.rates))]
+        means = [self._gamma(r)[0] for r in range(len(self.known))]
         return np.append(means, self._shapes[1] @ self._shapes[0])
 
     @cached_property
@@ -83,7 +108,7 @@ class RatesPosterior:
         shapes, weights = self._shapes
         off = shapes - weights @ shapes
         table = np.zeros((len(self.names), len(self.names)))
-        n = len(self.rates)
+        n = len(self.known)
         table[range(n), range(n)] = [self._gamma(r)[1] for r in range(n)]
         table[n:, n:] = off.T @ (weights[:, None] * off)
         return table
@@ -105,7 +130,7 @@ class RatesPosterior:
     def constants(self, parameters: ArrayLike) -> Floats:
         """Rate constants (n, R'), 1/tu, that go with parameters (n, P)."""
         table = np.asarray(parameters, dtype=float)
-        rates, shapes = np.split(table.copy(), [len(self.rates)], axis=1)
+        rates, shapes = np.split(table.copy(), [len(self.known)], axis=1)
         points, which = np.unique(shapes, axis=0, return_inverse=True)
         rates *= self.factors_at(points)[which.ravel()]
         weights = self._weights_at(points)[which.ravel()]
@@ -113,7 +138,7 @@ class RatesPosterior:
 
     def factors_at(self, points: Floats) -> Floats:
         """What rates (G, R) are multiplied with at shapes (G, K), so that as many breaks are expected at each."""
-        factors = np.ones((len(points), len(self.rates)))
+        factors = np.ones((len(points), len(self.known)))
         for r, (whole, at) in enumerate(zip(self.exposure, self.exposures_at(points), strict=True)):
             if at is not None and whole is not None:
                 # the exposure that goes with this shape, where there is any
@@ -131,7 +156,7 @@ class RatesPosterior:
         Given the shape, constants are linear in the rates, which do not depend on it: means over the grid of shapes.
         """
         shapes, weights = self._shapes
-        means = np.tile(self.mean[: len(self.rates)], (len(shapes), 1))
+        means = np.tile(self.mean[: len(self.known)], (len(shapes), 1))
         return np.asarray(weights @ self.constants(np.hstack([means, shapes])))
 
     @cached_property
@@ -150,8 +175,66 @@ class RatesPosterior:
 
     def _gamma(self, r: int) -> tuple[float, float]:
         """Posterior mean and variance of one rate."""
-        events, exposure = self.events[r], self.exposure[r]
+        events, exposure = self.known[r].events, self.known[r].exposure
         if events is None or exposure is None:
-            return self.rates[r], 0.0
+            return self.known[r].rate, 0.0
         shape, total = jeffreys_posterior(events, exposure)
         return shape / total, shape / total**2
+
+
+class AppliedRates:
+    """What rates by channel, and rates by class in one book, say of a network; the tank is that of the measurement."""
+
+    __slots__ = ()
+
+    breaks: BreakTerms
+    tank: tuple[float, float, float] | None
+
+    def expansion(self, network: Network) -> Expansion:
+        """`network` with the rates as they stand, and what the break model makes of it.
+
+        ValueError: the rates are those of another network.
+        """
+        raise NotImplementedError
+
+    def known(self, network: Network) -> tuple[dict[str, MeasuredRate], Floats | None]:
+        """The rates behind the channels by name, and their shares in each, see `RatesPosterior`."""
+        raise NotImplementedError
+
+    def apply(self, network: Network, tank: Tank | None = None) -> Network:
+        """`network` with the rates, ways and combinations of this table, its breaks expanded by their partners.
+
+        network : one channel a break, as a rule book gives it
+        tank : where the rates are to be used; None for the tank in which they were measured
+
+        Cost: linear in breaks times partners.
+        ValueError: the two do not have the same channels (in any order), the fingerprints differ, or another tank is
+        asked for and this table does not state its own.
+        """
+        expansion = self.expansion(network)
+        constants = expansion.constants(expansion.base.known_rates, self.breaks.weights(expansion.base))
+        return expansion.network.with_rates(constants * expansion.scales(self.measured_in, tank))
+
+    def posterior(self, network: Network, tank: Tank | None = None) -> RatesPosterior:
+        """What the evidence leaves open of the parameters behind the constants of `apply(network, tank)`."""
+        expansion = self.expansion(network)
+        known, shares = self.known(network)
+        scales = expansion.scales(self.measured_in, tank)
+        return RatesPosterior(expansion, self.breaks, tuple(known), tuple(known.values()), scales, shares)
+
+    def draw_constants(self, network: Network, rng: np.random.Generator, n: int, tank: Tank | None = None) -> Floats:
+        """Posterior draws (n, R') of the rate constants of `apply(network, tank)`, 1/tu; see `RatesPosterior`."""
+        posterior = self.posterior(network, tank)
+        return posterior.constants(posterior.draw(rng, n))
+
+    def expected(self, network: Network, tank: Tank | None = None) -> Network:
+        """As `apply`, with the posterior mean of each rate constant; the point rate where there is no evidence.
+
+        A channel without events then has a rate above 0: half an event in its exposure.
+        """
+        return self.posterior(network, tank).expected
+
+    @property
+    def measured_in(self) -> Tank | None:
+        """The tank in which the rates were measured."""
+        return None if self.tank is None else Tank(self.tank)

@@ -9,13 +9,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from msgspec import Meta, field
 
-from kinetics.network import Network, Tank
+from kinetics.network import Network
 from kinetics.rates.break_terms import BreakTerms
 from kinetics.rates.breaks import Expansion
-from kinetics.rates.posterior import RatesPosterior
-from kinetics.support.arrays import Floats
+from kinetics.rates.measured import MeasuredRate
+from kinetics.rates.posterior import AppliedRates
 from kinetics.support.config import find, read_toml, write_toml
-from kinetics.support.settings import NotNegative, Positive, Settings, validated
+from kinetics.support.settings import Positive, Settings, validated
 
 SHIPPED = Path(__file__).parent / "tables"
 
@@ -43,30 +43,8 @@ class Convention(Settings):
         return validated(cls, {"combinations": network.combinations, "time_unit": network.time_unit}, "the network")
 
 
-class MeasuredRate(Settings):
-    """A rate constant, 1/tu per way and combination, with its interval and its evidence.
-
-    low, high : 95 % interval of the rate
-    events, exposure : firings n, and the integral of ways * combinations over the time observed, tu
-    """
-
-    rate: NotNegative
-    low: NotNegative | None = None
-    high: NotNegative | None = None
-    events: NotNegative | None = None
-    exposure: Positive | None = None
-
-    def __post_init__(self) -> None:
-        if (self.low is None) != (self.high is None):
-            raise ValueError("low and high come together")
-        if self.low is not None and self.high is not None and not self.low <= self.rate <= self.high:
-            raise ValueError(f"expected low <= rate <= high; {self.low}, {self.rate}, {self.high} came")
-        if (self.events is None) != (self.exposure is None):
-            raise ValueError("events and exposure come together")
-
-
 class ChannelRate(MeasuredRate):
-    """The rate constant of one channel, with its evidence; rate, limits, events and exposure as of `MeasuredRate`.
+    """The rate constant of one channel, with its evidence; the other fields are those of `MeasuredRate`.
 
     ways : number of ways N of one combination of reactants
     exposures : of a break whose model has partners, the exposure to each of them, tu; `exposure` is their sum, weighted
@@ -86,7 +64,7 @@ class ChannelRate(MeasuredRate):
     prior: Literal["joins", "breaks"] | None = None
 
 
-class Rates(Settings):
+class Rates(Settings, AppliedRates):
     """Rate constants of all joins and breaks of one network, how breaks depend on their partners, and for which tank.
 
     channels : channel name -> ChannelRate; of a break the coefficient b per partner of weight 1
@@ -120,52 +98,6 @@ class Rates(Settings):
         """Write as TOML: whole or not at all, so that an older file stays until the new one is safely there."""
         write_toml(self.as_dict(none=False), Path(path))
 
-    def apply(self, network: Network, tank: Tank | None = None) -> Network:
-        """`network` with the rates, ways and combinations of this table, its breaks expanded by their partners.
-
-        network : one channel a break, as a rule book gives it
-        tank : where the rates are to be used; None for the tank in which they were measured
-
-        Cost: linear in breaks times partners.
-        ValueError: the two do not have the same channels (in any order), the fingerprints differ, or another tank is
-        asked for and this table does not state its own.
-        """
-        expansion = self.expansion(network)
-        base = expansion.base
-        constants = expansion.constants(base.known_rates, self.breaks.weights(base))
-        return expansion.network.with_rates(constants * expansion.scales(self.measured_in, tank))
-
-    def posterior(self, network: Network, tank: Tank | None = None) -> RatesPosterior:
-        """What the evidence leaves open of the parameters behind the constants of `apply(network, tank)`."""
-        expansion = self.expansion(network)
-        known = [self.channels[name] for name in network.channels]
-        return RatesPosterior(
-            expansion,
-            self.breaks,
-            tuple(channel.rate for channel in known),
-            tuple(channel.events for channel in known),
-            tuple(channel.exposure for channel in known),
-            tuple(channel.exposures for channel in known),
-            expansion.scales(self.measured_in, tank),
-        )
-
-    def draw_constants(self, network: Network, rng: np.random.Generator, n: int, tank: Tank | None = None) -> Floats:
-        """Posterior draws (n, R') of the rate constants of `apply(network, tank)`, 1/tu; see `RatesPosterior`."""
-        posterior = self.posterior(network, tank)
-        return posterior.constants(posterior.draw(rng, n))
-
-    def expected(self, network: Network, tank: Tank | None = None) -> Network:
-        """As `apply`, with the posterior mean of each rate constant; the point rate where there is no evidence.
-
-        A channel without events then has a rate above 0: half an event in its exposure.
-        """
-        return self.posterior(network, tank).expected
-
-    @property
-    def measured_in(self) -> Tank | None:
-        """The tank in which the rates were measured."""
-        return None if self.tank is None else Tank(self.tank)
-
     def expansion(self, network: Network) -> Expansion:
         """`network` with these rates as they stand, and what the break model makes of it."""
         self._check(network)
@@ -178,6 +110,10 @@ class Rates(Settings):
         self.breaks.check(base)
         self._check_exposures(base)
         return Expansion.of(base, self.breaks.break_model)
+
+    def known(self, network: Network) -> tuple[dict[str, MeasuredRate], None]:
+        """The rate of each channel, which belongs to it alone."""
+        return {name: self.channels[name] for name in network.channels}, None
 
     def _check(self, network: Network) -> None:
         """Raise a ValueError where these are the rates of another network."""

@@ -1,5 +1,6 @@
 """Records of runs: jump paths, ensembles of counts, and their statistics."""
 
+from kinetics.runs.first_times import FirstTimes
 from kinetics.runs.paths import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, Ensemble, JumpPath
 from kinetics.runs.statistics import EnsembleStatistics
 from kinetics.runs.truncation import TruncatedRunsError, Truncation
@@ -12,6 +13,7 @@ __all__ = [
     "RESTART",
     "Ensemble",
     "EnsembleStatistics",
+    "FirstTimes",
     "JumpPath",
     "TruncatedRunsError",
     "Truncation",

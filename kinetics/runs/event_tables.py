@@ -5,7 +5,7 @@
 
 Times are in tu, of a clock of the run's own. `tank` is the tank's three lengths, `closed` the channels that could not
 fire at all, `resolution` the time between two looks, within which events share a time; each may be left out. `NOTES`
-are further columns of the events, for other readers. docs/watched_events.md describes what a reader takes.
+are further columns of the events, for other readers. docs/observed_events.md describes what a reader takes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.runs.paths import JumpPath
 from kinetics.support.extras import extra
 
 if TYPE_CHECKING:
@@ -49,22 +48,6 @@ class TableRun(NamedTuple):
     tank: Sequence[float] | None = None
     resolution: float = 0.0
     notes: Mapping[str, Any] = MappingProxyType({})
-
-
-def table_run(name: str, path: JumpPath) -> TableRun:
-    """A jump path, ready for `event_tables`."""
-    return TableRun(
-        name,
-        path.network.species,
-        path.network.channels,
-        path.initial,
-        path.times,
-        path.channels,
-        path.end,
-        path.open_channels,
-        None if path.tank is None else path.tank.size,
-        path.resolution,
-    )
 
 
 def event_tables(runs: Iterable[TableRun]) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -54,7 +54,8 @@ class Truncation:
         return self.truncated / self.among
 
     @property
-    def _cause(self) -> str:
+    def cause(self) -> str:
+        """Why, and which channel had the largest propensity."""
         per = f"1/{self.time_unit}" if self.time_unit else ""
         why = REASONS[self.reason].format(events=self.events, most=self.max_events, end=self.end)
         grown = f"; channel {self.channel!r} had the largest propensity, {in_unit(f'{self.propensity:.3g}', per)}"
@@ -64,7 +65,7 @@ class Truncation:
         """A note beside figures."""
         last = "" if self.until is None else f"figures end at {in_unit(f'{self.until:g}', self.time_unit)}: "
         return (
-            f"{last}run {self.run} was truncated at {self._when}: {self._cause}; {self.truncated} of the first "
+            f"{last}run {self.run} was truncated at {self._when}: {self.cause}; {self.truncated} of the first "
             f"{self.among} runs did not reach {self.beyond:g}"
         )
 
@@ -77,7 +78,7 @@ class Truncation:
         """What an error says, where nothing can be given."""
         more = ", or raise max_events" if self.reason in ("events", "forecast") else ""
         return (
-            f"run {self.run}: {self._cause}; it was truncated at {self._when}, before {self.beyond:g}: ask for earlier "
+            f"run {self.run}: {self.cause}; it was truncated at {self._when}, before {self.beyond:g}: ask for earlier "
             f"times, or lower the rate constants{more}"
         )
 

@@ -44,12 +44,17 @@ class Auto(SamplingMethod):
     name: ClassVar[str] = "auto"
     takes_rate_laws: ClassVar[bool] = True
     takes_events: ClassVar[bool] = True
+    takes_until: ClassVar[bool] = True
     most_factors: ClassVar[float] = inf
 
-    def choose(self, network: Network, initial: Counts | None = None) -> SamplingMethod:
-        """The method chosen for this network, from these counts if given; a ValueError where none takes it."""
+    def choose(self, network: Network, initial: Counts | None = None, until: bool = False) -> SamplingMethod:
+        """The method chosen for this network, from these counts if given; a ValueError where none takes it.
+
+        until : whether runs are to end at a condition
+        """
         size = NetworkSize.of(network, None if initial is None else network.state(initial))
-        methods = [kind() for kind in EXACT_METHODS if self.many or not kind.is_for_ensembles]
+        kinds = [kind for kind in EXACT_METHODS if kind.takes_until or not until]
+        methods = [kind() for kind in kinds if self.many or not kind.is_for_ensembles]
         refusals = [method.refusal(network, size) for method in methods]
         candidates = [method for method, refusal in zip(methods, refusals, strict=True) if not refusal]
         if not candidates:
@@ -59,6 +64,10 @@ class Auto(SamplingMethod):
     def name_for(self, network: Network, initial: Counts) -> str:
         """Its name, and that of the chosen method."""
         return f"{self.name} ({self.choose(network, initial).name})"
+
+    def stopping(self, network: Network) -> SamplingMethod:
+        """The method chosen among those that end runs at a condition."""
+        return self.choose(network, until=True)
 
     def prepared(self, network: Network) -> Sampler:
         """The network made ready for the method that the initial counts of its runs will choose."""

@@ -6,17 +6,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from itertools import count
 from math import inf
-from typing import ClassVar
+from typing import ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network
-from kinetics.runs import Ensemble, JumpPath
+from kinetics.network.predicates import Condition
+from kinetics.runs import Ensemble, FirstTimes, JumpPath
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.mass_action import order_refusal
 from kinetics.sampling.outlook import Outlook
 from kinetics.sampling.run_source import RunSource, Sampler
+from kinetics.sampling.stopping import stop_at
 from kinetics.sampling.watch import MAX_EVENTS, Watch
 from kinetics.support.arrays import Counts, Floats, rising_times, some_times, whole_number
 
@@ -42,9 +44,10 @@ class SamplingMethod(ABC):
     name: ClassVar[str]
     takes_rate_laws: ClassVar[bool] = False  # other than mass action
     takes_events: ClassVar[bool] = False
+    takes_until: ClassVar[bool] = False  # a condition at which runs end: its sampler heeds `Watch.until`
     most_reactants: ClassVar[float] = inf  # of a channel
-    most_species: ClassVar[float] = inf
-    most_channels: ClassVar[float] = inf
+    max_species: ClassVar[float] = inf
+    max_channels: ClassVar[float] = inf
     most_factors: ClassVar[float] = 1e7  # channels times reactants of the largest, a table; up to 4 reactants, any
     start_cost: ClassVar[float] = 2e4  # processor time of a run without events, ns
     is_for_ensembles: ClassVar[bool] = False  # its cost is that of many runs made at once
@@ -70,8 +73,8 @@ class SamplingMethod(ABC):
             return f"the network has {odd[0]}{more}; the method {self.name!r} takes {takes}: use 'general', or 'auto'"
         size = NetworkSize.of(network) if size is None else size
         for what, here, most in (
-            ("species", size.n_species, self.most_species),
-            ("channels", size.n_channels, self.most_channels),
+            ("species", size.n_species, self.max_species),
+            ("channels", size.n_channels, self.max_channels),
         ):
             if here > most:
                 return f"the network has {here} {what}; the method {self.name!r} takes at most {most}: use 'auto'"
@@ -113,15 +116,60 @@ class SamplingMethod(ABC):
         """
         return lambda constants: self.sampler(network.with_rates(constants))
 
-    def source(self, network: Network, initial: Counts, seed: int = 0, max_events: int = MAX_EVENTS) -> RunSource:
+    def stopping(self, network: Network) -> SamplingMethod:  # noqa: ARG002
+        """The method of runs that end at a condition: this one, or that which it chooses; a ValueError for none."""
+        if not self.takes_until:
+            raise ValueError(f"the method {self.name!r} takes no condition at which runs end (until): use 'auto'")
+        return self
+
+    def source(
+        self,
+        network: Network,
+        initial: Counts,
+        seed: int = 0,
+        max_events: int = MAX_EVENTS,
+        until: str | Condition | None = None,
+    ) -> RunSource:
         """The runs from `initial` under a seed, of which `simulate` gives some; a ValueError as there."""
+        start = network.state(initial)
+        stop, is_there = (None, False) if until is None else stop_at(until, network, start)
         return RunSource(
-            self.sampler(network),
-            network.state(initial),
+            (self if until is None else self.stopping(network)).sampler(network),
+            start,
             stream_key(seed),
             outlook=Outlook(network),
             max_events=whole_number("max_events", max_events, 1),
+            until=stop,
+            ends_at_once=is_there,
         )
+
+    @overload
+    def simulate(
+        self,
+        network: Network,
+        initial: Counts,
+        times: ArrayLike,
+        runs: int = 1000,
+        seed: int = 0,
+        threads: int | None = None,
+        first_run: int = 0,
+        max_events: int = MAX_EVENTS,
+    ) -> Ensemble: ...
+
+    @overload
+    def simulate(
+        self,
+        network: Network,
+        initial: Counts,
+        times: ArrayLike,
+        runs: int = 1000,
+        seed: int = 0,
+        threads: int | None = None,
+        first_run: int = 0,
+        max_events: int = MAX_EVENTS,
+        *,
+        until: str | Condition,
+    ) -> FirstTimes: ...
 
     def simulate(
         self,
@@ -133,22 +181,51 @@ class SamplingMethod(ABC):
         threads: int | None = None,
         first_run: int = 0,
         max_events: int = MAX_EVENTS,
-    ) -> Ensemble:
+        *,
+        until: str | Condition | None = None,
+    ) -> Ensemble | FirstTimes:
         """Counts of `runs` independent runs at `times` (T,), tu.
 
         threads : at most this many; by default one a processor core
         first_run : number of the first run; with one seed, runs of different numbers are independent
         max_events : the most events of a run; one that would come to more is truncated, and the ensemble ends at the
             last time before that, see `Ensemble.truncated`
-        The same seed gives the same runs for any number of threads and any grid of times.
+        until : a condition on counts at which runs end, as "AB >= 8 & !(A == 0)"; a `Condition` where it names
+            observables. The result is then when it first held, and `times` is the last time until which runs are
+            followed: inf for as long as anything can happen
+        The same seed gives the same runs for any number of threads and any grid of times, and until a condition holds.
         """
-        grid = some_times(times)
         check_numbers(runs, threads, first_run)
+        if until is not None:
+            numbers = runs, seed, threads, first_run, max_events
+            return self._first_times(network, initial, until, _horizon(times), numbers)
+        grid = some_times(times)
         source = self.source(network, initial, seed, max_events)
         watch = source.watch(grid, first_run)
         counts = source.counts(grid, runs, first_run, threads, watch)
         name = self.name_for(network, initial)
         return Ensemble(network, grid[: counts.shape[1]], counts, name, watch.truncation(runs))
+
+    def _first_times(
+        self,
+        network: Network,
+        initial: Counts,
+        until: str | Condition,
+        end: float,
+        numbers: tuple[int, int, int | None, int, int],
+    ) -> FirstTimes:
+        runs, seed, threads, first_run, max_events = numbers
+        source, method = self.source(network, initial, seed, max_events, until), self.stopping(network)
+        text = until if isinstance(until, str) else until.text
+        name = self.name if method is self else f"{self.name} ({method.name})"
+        grid = np.array([min(end, np.finfo(float).max)])
+        watch = source.watch(grid, first_run, runs)
+        counts = source.counts(grid, runs, first_run, threads, watch)[:, 0]
+        observed = np.minimum(watch.reached, end)
+        for run, stop in watch.stops.items():
+            observed[run - first_run], counts[run - first_run] = stop.time, stop.counts
+        times = np.where(watch.reached < inf, watch.reached, np.nan)
+        return FirstTimes(network, text, times, observed, counts, end, name, watch.truncation(runs))
 
     def sample_path(
         self,
@@ -158,12 +235,14 @@ class SamplingMethod(ABC):
         seed: int = 0,
         run: int = 0,
         max_events: int = MAX_EVENTS,
+        until: str | Condition | None = None,
     ) -> JumpPath:
         """Every event of one run until `end`, tu: run number `run` of `simulate` under the same seed.
 
+        until : a condition on counts; the path ends when it first holds
         ValueError: a run that has, or would come to, more than `max_events` events
         """
-        return next(self.sample_paths(network, initial, end, seed, run, max_events))
+        return next(self.sample_paths(network, initial, end, seed, run, max_events, until))
 
     def sample_paths(
         self,
@@ -173,16 +252,21 @@ class SamplingMethod(ABC):
         seed: int = 0,
         first_run: int = 0,
         max_events: int = MAX_EVENTS,
+        until: str | Condition | None = None,
     ) -> Iterator[JumpPath]:
-        """The same of runs first_run, first_run + 1, ..., without end; the network is made ready once."""
+        """Paths of runs first_run, first_run + 1, ..., an infinite number; the network is made ready once."""
         horizon = float(rising_times([end])[0])
-        start = network.state(initial)
-        key = stream_key(seed)
-        sampler, outlook = self.sampler(network), Outlook(network)
+        source = self.source(network, initial, seed, max_events, until)
         for run in count(whole_number("run", first_run, 0)):
-            watch = Watch(np.array([horizon]), outlook, max_events, run, is_path=True)
-            times, channels = sampler.path(start, horizon, key, run, watch)
-            yield JumpPath(network, start, times, channels, horizon)
+            watch = Watch(np.array([horizon]), source.outlook, max_events, run, is_path=True, until=source.until)
+            times, channels = source.path(horizon, run, watch)
+            yield JumpPath(network, source.start, times, channels, min(horizon, float(watch.reached.min(initial=inf))))
+
+
+def _horizon(times: ArrayLike) -> float:
+    """The last time until which runs are followed that end at a condition; inf for none."""
+    last = np.atleast_1d(np.asarray(times))[-1:].tolist()
+    return inf if last in ([], [inf]) else float(some_times(last)[-1])
 
 
 def check_numbers(runs: int, threads: int | None, first_run: int) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.kernels.ensemble_work import ensemble_work
-from kinetics.kernels.outcomes import REACHED_END, UNFINISHED
+from kinetics.kernels.outcomes import REACHED_END, STOPPED, UNFINISHED
 from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.sampling.base import SamplingMethod
@@ -44,6 +44,7 @@ class Direct(SamplingMethod):
 
     name: ClassVar[str] = "ssa"
     start_cost: ClassVar[float] = 60.0
+    takes_until: ClassVar[bool] = True
 
     def prepared(self, network: Network) -> Sampler:
         """The network made ready for `kernels.direct`, or with its dependency graph for `kernels.grouped`."""
@@ -97,9 +98,12 @@ class RecomputingSampler:
     ) -> None:
         """Fill `out` (runs, T, S) as far as the watch needs it."""
         work = ensemble_work(initial.size)
+        stopping = watch.stop_of(first_run, len(out), self.merging.leaders)
 
         def go_on(limits: Ints, most: int) -> int:
-            return twins.direct(self.model, self.changes, work, initial, grid, key, first_run, limits, out, most)
+            return twins.direct(
+                self.model, self.changes, work, initial, grid, key, first_run, limits, out, most, *stopping
+            )
 
         in_turn(watch, first_run, work.notes, work.clock, work.counts[:-1], go_on)
 
@@ -112,18 +116,23 @@ class RecomputingSampler:
         members.start_naming(key, run, naming)
         counts, state, clock = np.append(initial, 1), np.append(initial, 1), np.zeros(3)
         named = self.merging.named(self.constants)
+        stop, reached = watch.stop_of(run, 1, self.merging.leaders)
         pieces = []
         made, look = 0, watch.first_look
         while True:
             room = min(BUFFER, look - made)
             times, channels = np.empty(room), np.empty(room, dtype=np.int64)
-            outcome, n_events = twins.events(self.model, self.changes, counts, clock, end, stream, times, channels)
+            outcome, n_events = twins.events(
+                self.model, self.changes, counts, clock, end, stream, times, channels, stop
+            )
             members.name_events(named, self.changes, state, channels[:n_events], naming)
             pieces.append((times[:n_events], channels[:n_events]))
             made += n_events
             watch.hear()
             if outcome == UNFINISHED and made == look:
                 look = watch.look(run, made, float(clock[0]), counts[:-1])
+            elif outcome == STOPPED and reached is not None:
+                reached[0] = clock[0]
             elif outcome not in (UNFINISHED, REACHED_END):
                 watch.stop(run, outcome, float(clock[0]), counts[:-1], made)
             if outcome != UNFINISHED or not look:

@@ -14,11 +14,13 @@ from numpy.typing import ArrayLike
 
 from kinetics.kernels.ensemble_work import LOOK, ensemble_work
 from kinetics.network import Network
+from kinetics.network.predicates import Condition
 from kinetics.sampling.auto import Auto
 from kinetics.sampling.base import SamplingMethod, check_numbers, stream_key
 from kinetics.sampling.direct import RecomputingSampler
 from kinetics.sampling.mass_action import mass_action
 from kinetics.sampling.outlook import Outlook
+from kinetics.sampling.stopping import stop_at
 from kinetics.sampling.watch import MAX_EVENTS, Watch, in_turn
 from kinetics.support.arrays import Counts, Floats, Ints, integers, reals, rising_times, some_times
 from kinetics.support.memory import check_memory
@@ -96,6 +98,44 @@ def simulate_draws(
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise
             yield from made
+
+
+def first_times_of_draws(
+    network: Network,
+    constants: ArrayLike,
+    initial: Counts,
+    until: str | Condition,
+    end: float,
+    runs: int,
+    seed: int = 0,
+    *,
+    method: SamplingMethod | None = None,
+    first_run: int = 0,
+) -> Iterator[Floats]:
+    """When a condition first holds in each run (runs,), tu, under each of `constants` (D, R), 1/tu.
+
+    The times of runs in which it does not hold by `end` are inf. The runs are those of `simulate_draws`, and end there;
+    a ValueError where the condition holds at the start.
+
+    >>> from kinetics import Network
+    >>> from kinetics.sampling import first_times_of_draws
+    >>> decay = Network.from_text("A -> 0, 1")
+    >>> made = first_times_of_draws(decay, [[0.0], [100.0]], {"A": 3}, "A == 0", end=9.0, runs=2)
+    >>> [bool(times.max() < 0.5) for times in made]
+    [False, True]
+    """
+    table, start = _checked(network, constants, initial, runs, first_run)
+    stop, is_there = stop_at(until, network, start)
+    if is_there:
+        raise ValueError(f"{until} holds at the start")
+    grid = some_times([end]).copy()
+    made = (method or Auto()).stopping(network)
+    outlook = Outlook(network.with_rates(table[0]))
+    watch = Watch(grid, outlook, first_run=first_run, until=stop, runs=runs * len(table))
+    counts = simulate_draws(network, table, start, grid, runs, seed, method=made, first_run=first_run, watch=watch)
+    for d, _ in enumerate(counts):
+        watch.check()
+        yield watch.reached[d * runs : (d + 1) * runs]
 
 
 def exposures_of_draws(

@@ -31,6 +31,7 @@ class General(SamplingMethod):
 
     name: ClassVar[str] = "general"
     start_cost: ClassVar[float] = 18e3
+    takes_until: ClassVar[bool] = True
     takes_rate_laws: ClassVar[bool] = True
     takes_events: ClassVar[bool] = True
     most_factors: ClassVar[float] = inf

@@ -72,7 +72,7 @@ class GeneralSampler(StepwiseSampler):
         from kinetics.kernels import general
 
         outcome = general.advance(self.model, work, counts, seen, clock, *rest)
-        if outcome <= outcomes.OVERFLOW:
+        if outcome <= outcomes.OVERFLOW or outcome == outcomes.STOPPED:
             return outcome
         about, state, t = int(work.notes[1]), counts[:-1], float(clock[0])
         where = f"at {state_text(self.network.species, state)}, t = {t:.17g}"

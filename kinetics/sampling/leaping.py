@@ -59,7 +59,7 @@ class Leaping(SamplingMethod):
     fewest: float | None = None
     name: ClassVar[str] = "leaping"
     start_cost: ClassVar[float] = 1.3e3
-    most_channels: ClassVar[float] = 2000
+    max_channels: ClassVar[float] = 2000
 
     def __post_init__(self) -> None:
         if self.fewest is not None and not 0 <= self.fewest < inf:

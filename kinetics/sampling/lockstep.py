@@ -44,7 +44,8 @@ class Lockstep(SamplingMethod):
 
     name: ClassVar[str] = "lockstep"
     start_cost: ClassVar[float] = 50.0
-    most_channels: ClassVar[float] = 2000
+    takes_until: ClassVar[bool] = True
+    max_channels: ClassVar[float] = 2000
     is_for_ensembles: ClassVar[bool] = True
 
     def prepared(self, network: Network) -> Sampler:
@@ -96,7 +97,7 @@ class LockstepSampler:
             self.one_by_one.ensemble(initial, grid, key, first_run, out, watch)
             return
         lanes, is_odd = Lanes(self.model, self.changes), np.zeros(len(out), dtype=bool)
-        here = lanes.arrays
+        here, stopping = lanes.arrays, watch.stop_of(first_run, len(out), self.merging.leaders)
         n_active, first_look = 1, watch.first_look
         while n_active:
             until = here["looks"][: here["notes"][0]].min(initial=here["notes"][2] + first_look)
@@ -104,7 +105,7 @@ class LockstepSampler:
             began = perf_counter()
             twins.lockstep(
                 self.model, self.changes, lanes, initial, grid, key, first_run, watch.limits(first_run), out, is_odd,
-                most,
+                most, *stopping,
             )  # fmt: skip
             n_active = int(here["notes"][0])
             unfinished = here["run"][:n_active].min(initial=len(out))

@@ -35,8 +35,9 @@ class PartialPropensities(SamplingMethod):
 
     name: ClassVar[str] = "partial"
     start_cost: ClassVar[float] = 14e3
+    takes_until: ClassVar[bool] = True
     most_reactants: ClassVar[float] = 2
-    most_species: ClassVar[float] = 3000  # the table of couplings has the square of that many entries
+    max_species: ClassVar[float] = 3000  # the table of couplings has the square of that many entries
 
     def cost(self, size: NetworkSize) -> float:
         """Processor time of an event, ns, with the beginning of a run of some hundred events."""

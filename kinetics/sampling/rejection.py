@@ -45,6 +45,7 @@ class CompositionRejection(SamplingMethod):
 
     name: ClassVar[str] = "rejection"
     start_cost: ClassVar[float] = 12e3
+    takes_until: ClassVar[bool] = True
 
     def cost(self, size: NetworkSize) -> float:
         """Processor time of an event, ns, with the beginning of a run; the last part is for memory beyond caches."""

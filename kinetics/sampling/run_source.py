@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.kernels.ensemble_work import Stop
 from kinetics.sampling.outlook import Outlook
 from kinetics.sampling.watch import MAX_EVENTS, Watch
 from kinetics.support.arrays import Floats, Ints
@@ -56,6 +57,8 @@ class RunSource:
     weights : (S, V) whole weights, for V sums of counts instead of all counts; None for these
     outlook : what is to come of a run; None where nobody knows
     max_events : the most events of a run
+    until : the condition at which runs end; None where there is none
+    ends_at_once : whether it holds at the start
     """
 
     sampler: Sampler
@@ -64,6 +67,8 @@ class RunSource:
     weights: Ints | None = None
     outlook: Outlook | None = None
     max_events: int = MAX_EVENTS
+    until: Stop | None = None
+    ends_at_once: bool = False
 
     def __post_init__(self) -> None:
         if self.start.ndim != 1:
@@ -78,9 +83,9 @@ class RunSource:
         """The same from other counts (S,)."""
         return replace(self, start=start)
 
-    def watch(self, grid: Floats, first_run: int = 0) -> Watch:
-        """Over the runs from number `first_run` on, for several calls of `counts` or for `blocks`."""
-        return Watch(grid, self.outlook, self.max_events, first_run)
+    def watch(self, grid: Floats, first_run: int = 0, runs: int = 1) -> Watch:
+        """Over so many runs from number `first_run` on, for several calls of `counts` or for `blocks`."""
+        return Watch(grid, self.outlook, self.max_events, first_run, until=self.until, runs=runs)
 
     def counts(
         self, grid: Floats, runs: int, first_run: int = 0, threads: int | None = None, watch: Watch | None = None
@@ -92,7 +97,7 @@ class RunSource:
         ValueError: more counts than memory holds; a truncated run, without a watch or before the first time
         InterruptedRuns: Ctrl-C
         """
-        watched = self.watch(grid, first_run) if watch is None else watch
+        watched = self.watch(grid, first_run, runs) if watch is None else watch
         found = self._counts(grid, runs, first_run, threads, watched)
         if watch is None:
             watched.check()
@@ -116,6 +121,13 @@ class RunSource:
             parts.append(made @ self.weights)
         return _joined(parts)
 
+    def path(self, end: float, run: int, watch: Watch) -> tuple[Floats, Ints]:
+        """Times and channels of all events of one run until `end`, or until the condition holds."""
+        if self.ends_at_once:
+            watch.reached[:] = 0.0
+            return np.empty(0), np.empty(0, dtype=np.int64)
+        return self.sampler.path(self.start, end, self.key, run, watch)
+
     def blocks(
         self, grid: Floats, begin: int, end: int, threads: int | None = None, watch: Watch | None = None
     ) -> Iterator[Ints]:
@@ -136,6 +148,9 @@ class RunSource:
     def _made(self, grid: Floats, runs: int, first_run: int, threads: int | None, watch: Watch) -> Ints:
         workers = len(os.sched_getaffinity(0)) if threads is None else threads
         out = np.empty((runs, grid.size, self.start.size), dtype=np.int64)
+        if self.ends_at_once:
+            out[:], watch.reached[:] = self.start, 0.0
+            return out
         writable = grid.copy()  # kernels are compiled for one kind of array
 
         def piece(begin: int, end: int) -> None:

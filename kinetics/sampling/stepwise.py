@@ -21,7 +21,7 @@ class StepwiseSampler:
     """Runs of a kernel that reads its random numbers from buffers, call after call.
 
     begin(counts) : a fresh workspace for a run that starts at `counts` (S + 1,), the last one 1
-    advance(workspace, counts, seen, clock, waits, uniforms, grid, out, times, channels) : see `kernels.grouped`
+    advance(workspace, counts, seen, clock, waits, uniforms, grid, out, times, channels, stop) : see `kernels.grouped`
     order : (R,) channel of the network for each channel of the kernel
     """
 
@@ -64,6 +64,7 @@ class StepwiseSampler:
         counts, clock, seen = np.ones(initial.size + 1, dtype=np.int64), np.zeros(3), np.zeros(2, dtype=np.int64)
         counts[:-1] = initial
         workspace = self.begin(counts)
+        stop, reached = watch.stop_of(run, 1, self.order)
         n_draws, drawn, look = FEWEST_DRAWS, 0, watch.first_look
         times, channels = NO_TIMES, NO_CHANNELS
         while seen[0] < (needed := watch.needed(run)):
@@ -77,11 +78,14 @@ class StepwiseSampler:
             began = perf_counter()
             if needed < grid.size:
                 grid, out = grid[:needed], out[:needed]
-            outcome = self.advance(workspace, counts, seen, clock, waits, uniforms, grid, out, times, channels)
+            outcome = self.advance(workspace, counts, seen, clock, waits, uniforms, grid, out, times, channels, stop)
             if pieces is not None:
                 pieces.append((times[: seen[1]], channels[: seen[1]]))
             drawn += n
             if outcome == outcomes.REACHED_END:
+                break
+            if outcome == outcomes.STOPPED and reached is not None:
+                reached[0], out[seen[0] :] = clock[0], counts[:-1]
                 break
             if outcome != outcomes.UNFINISHED:
                 watch.stop(run, outcome, float(clock[0]), counts[:-1], drawn)

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling.base import SamplingMethod, check_numbers
@@ -20,10 +20,10 @@ from kinetics.support.arrays import Counts, some_times
 
 
 def simulate_statistics(
-    network: Network,
+    model: Model | Network,
     method: SamplingMethod | str,
-    initial: Counts,
-    times: ArrayLike,
+    initial: Counts | None = None,
+    times: ArrayLike = (),
     runs: int = 1000,
     seed: int = 0,
     threads: int | None = None,
@@ -51,11 +51,29 @@ def simulate_statistics(
     >>> np.array_equal(statistics.mean(), simulate(decay, "auto", {"A": 100}, [10.0], runs=500, seed=1).mean())
     True
     """
-    grid = some_times(times)
+    given, sampler = Model.of(model, initial), sampling_method(method)
+    rest = (runs, seed, threads, first_run, covariances, progress, max_events)
+    return streamed(given.network, sampler, given.initial, times, *rest)
+
+
+def streamed(
+    network: Network,
+    sampler: SamplingMethod,
+    start: Counts,
+    times: ArrayLike,
+    runs: int,
+    seed: int,
+    threads: int | None,
+    first_run: int = 0,
+    covariances: bool | None = None,
+    progress: Callable[[int], None] | None = None,
+    max_events: int = MAX_EVENTS,
+) -> EnsembleStatistics:
+    """Statistics of a sampler's runs from `start`; `network` names what it counts, which may be sums."""
+    grid, n_species = some_times(times), len(network.species)
     check_numbers(runs, threads, first_run)
-    n_species, sampler = len(network.species), sampling_method(method)
     tally = Tally(network, grid, kept_pairs(n_species, covariances))
-    source = sampler.source(network, initial, seed, max_events)
+    source = sampler.source(network, start, seed, max_events)
     watch = source.watch(grid, first_run)
     try:
         for part in source.blocks(grid, first_run, first_run + runs, threads, watch):
@@ -67,7 +85,7 @@ def simulate_statistics(
         if not tally.runs:
             raise
     tally.cut(watch.n_times)
-    made = tally.statistics(runs, sampler.name_for(network, initial))
+    made = tally.statistics(runs, sampler.name_for(network, start))
     return replace(made, truncated=watch.truncation(made.runs))
 
 

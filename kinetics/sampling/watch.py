@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinetics.kernels import outcomes
-from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, RUN
+from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, RUN, Stop
 from kinetics.runs.truncation import TruncatedRunsError, Truncation
 from kinetics.sampling.outlook import Outlook
 from kinetics.support.arrays import Floats, Ints, whole_number
@@ -38,7 +38,7 @@ REASON = {
 }
 
 
-class Stop(NamedTuple):
+class CutRun(NamedTuple):
     """A run that does not come to its end: why, when, its counts (S,) then, its events or those forecast, and how many
     times of the grid it has passed."""
 
@@ -58,6 +58,9 @@ class Watch:
     stops : truncated runs by number, as far as they are known
     complete : by number of the first run of a piece, how many of its runs are done
     is_path : whether all events are needed until the end, so that a truncated run is an error at once
+    until : the condition at which runs end, for kernels with the channels of the network; None where there is none.
+        Other runs then go on where one is truncated, and no rate equations forecast how many events are to come
+    reached : (runs,) when the condition first held in each run, tu; inf where it has not
     """
 
     def __init__(
@@ -67,12 +70,15 @@ class Watch:
         max_events: int = MAX_EVENTS,
         first_run: int = 0,
         is_path: bool = False,
+        until: Stop | None = None,
+        runs: int = 1,
     ) -> None:
+        self.until, self.reached = until, np.full(0 if until is None else runs, np.inf)
         self.grid, self.outlook, self.first_run, self.is_path = grid, outlook, first_run, is_path
         self.max_events = whole_number("max_events", max_events, 1)
         self.is_stopped = threading.Event()
         self.complete: dict[int, int] = {}
-        self.stops: dict[int, Stop] = {}
+        self.stops: dict[int, CutRun] = {}
         self._first: tuple[int, int] | None = None  # times passed and number of the first run that was truncated
         self._lock = threading.Lock()
 
@@ -89,7 +95,7 @@ class Watch:
 
     def needed(self, run: int) -> int:
         """How many times of the grid a run is to pass."""
-        if self._first is None:
+        if self._first is None or self.until is not None:
             return self.grid.size
         more, few, followed, _ = self.limits(0)
         return int(more if run < followed else few)
@@ -100,9 +106,18 @@ class Watch:
         The first runs, up to the one that was truncated, go on to the first time that is left out, so that it is known
         how many reach it; whoever is truncated first in some order of the runs, the figures end at the same time.
         """
-        few, followed = (self.grid.size, 0) if self._first is None else self._first
+        few, followed = (self.grid.size, 0) if self._first is None or self.until is not None else self._first
         followed = max(self.first_run + FIRST_RUNS, followed)
         return np.array([min(few + 1, self.grid.size), few, followed - first_run, self.first_look])
+
+    def stop_of(self, first_run: int, runs: int, channels: Ints) -> tuple[Stop | None, Floats | None]:
+        """What a kernel with these channels (G,) reads and writes of runs that end at the condition; None without one.
+
+        Returns the condition and a view (runs,) into `reached`.
+        """
+        if self.until is None:
+            return None, None
+        return self.until.of_channels(channels), self.reached[first_run - self.first_run :][:runs]
 
     def pause(self, began: float) -> None:
         """Between calls of a kernel: `hear`, and settle how many events the next call makes.
@@ -130,7 +145,7 @@ class Watch:
             self.stop(run, outcomes.MOST_EVENTS, time, counts, events)
             return 0
         again: float = 2 * events
-        if forecasts and self.outlook is not None:
+        if forecasts and self.outlook is not None and self.until is None:
             total = self.outlook.total(counts, time)
             grows = total * time > MARGIN * events or not total < np.inf
             if grows or events + total * (end - time) > self.max_events:
@@ -145,9 +160,9 @@ class Watch:
         """A run is truncated; other runs need not go further than it has come."""
         passed = int(np.searchsorted(self.grid, time))
         with self._lock:
-            self.stops[run] = Stop(outcome, time, counts.astype(np.int64), events, passed)
+            self.stops[run] = CutRun(outcome, time, counts.astype(np.int64), events, passed)
             self._first = min(self._first or (passed, run), (passed, run))
-        if self.is_path:
+        if self.is_path or (self.until is not None and self.grid[-1] == np.finfo(float).max):  # there is no horizon
             raise TruncatedRunsError(self._told(self._first, 1))
 
     @property

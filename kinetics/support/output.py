@@ -5,7 +5,7 @@ opened with O_EXCL and O_NOFOLLOW, so that nothing planted beforehand is written
 or failing disk, a limit, Ctrl-C), what stood at the target is as it was. A process killed with SIGKILL may leave a
 `.wellmixed-*.part` behind, which nothing reads. `append_line` alone adds to a file that is there.
 
-Runs have a door of their own, `mechsim.runs.turns`, whose writers of one file take turns.
+Runs have a door of their own, `mechsim.runs.file_locks`, whose writers of one file take turns.
 """
 
 from __future__ import annotations

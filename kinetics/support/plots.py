@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.support.arrays import Floats
 from kinetics.support.labels import keep_apart
 from kinetics.support.output import write_whole
 from kinetics.support.tables import in_unit, of_unit
@@ -70,6 +71,16 @@ def passage(ax: Any, times: ArrayLike, probability: ArrayLike, mean: float, targ
         ax.axvline(mean, color=colour(1), linestyle="--", label=in_unit(f"mean {mean:.4g}", unit))
     ax.set_ylim(0, 1)
     return _finish(ax, "probability of having been reached", unit)
+
+
+def survival(
+    ax: Any, times: Floats, probability: Floats, low: Floats, high: Floats, condition: str, unit: str = "tu"
+) -> Any:
+    """Survival curve (n,) as steps, with its pointwise band; returns `ax`."""
+    ax.fill_between(times, low, high, step="post", color=colour(0), alpha=0.2, linewidth=0, label="95 % interval")
+    ax.step(times, probability, where="post", color=colour(0), label=condition)
+    ax.set_ylim(0, 1)
+    return _finish(ax, "probability of not having been reached", unit)
 
 
 def grouped_bars(

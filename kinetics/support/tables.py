@@ -10,6 +10,8 @@ from typing import Any
 
 Rows = Sequence[Mapping[str, Any]]
 
+ROUNDING = 1e-13  # of a mean: a smaller spread is what arithmetic leaves of none
+
 
 def in_unit(value: str, unit: str) -> str:
     """A value with its unit, where it has one."""
@@ -28,12 +30,13 @@ def figure(value: float, form: str = ".4g") -> str:
 
 
 def with_spread(mean: float, spread: float, form: str = ".3g") -> str:
-    """A mean and its spread; the mean alone where there is none, as of a single run.
+    """A mean and its spread; the mean alone if there is none, as of a single run, or if it is rounding.
 
-    >>> with_spread(60, 2.5), with_spread(60, float("nan"))
-    ('60 ± 2.5', '60')
+    >>> with_spread(60, 2.5), with_spread(60, float("nan")), with_spread(4.0, 8.9e-16)
+    ('60 ± 2.5', '60', '4')
     """
-    return figure(mean) if math.isnan(spread) else f"{figure(mean)} ± {figure(spread, form)}"
+    is_rounding = 0.0 < spread < ROUNDING * abs(mean)
+    return figure(mean) if math.isnan(spread) or is_rounding else f"{figure(mean)} ± {figure(spread, form)}"
 
 
 def of_unit(what: str, unit: str) -> str:

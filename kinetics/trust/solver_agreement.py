@@ -17,7 +17,7 @@ from kinetics.markov.transient import SOLVING_METHODS, Distribution, SolvingMeth
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transient import MANY_STEPS
 from kinetics.markov.transient.uniformisation import mixtures
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.support.arrays import Counts, rising_times
 from kinetics.support.tables import text_table
 from kinetics.trust.verification.conditional import chain_of
@@ -86,10 +86,11 @@ class SolverAgreement:
 
 
 def compare_solvers(
-    network: Network, initial: Counts, times: ArrayLike, solvers: Sequence[SolvingMethod] | None = None
+    model: Model | Network, initial: Counts | None, times: ArrayLike, solvers: Sequence[SolvingMethod] | None = None
 ) -> SolverAgreement:
     """Compare all pairs of `solvers`, all solving methods by default, at `times` (T,), tu.
 
+    initial : counts at time 0 that go before the model's; None for these
     Each is also compared with itself: what it gives at a time, led on by uniformisation, with what it gives at the
     next. A solver that refuses the network is left out with its reason. Cost: that of all solvers, and of
     uniformisation once more.
@@ -100,13 +101,13 @@ def compare_solvers(
     >>> len(found.pairs), found.failures
     (10, ())
     """
-    grid = rising_times(times)
+    grid, given = rising_times(times), Model.of(model, initial)
     chosen = [_limited(kind) for kind in SOLVING_METHODS] if solvers is None else solvers
     answers: list[tuple[str, Distribution]] = []
     refusals: list[tuple[str, str]] = []
     for solver in chosen:
         try:
-            answers.append((solver.name, solver.solve(network, initial, grid)))
+            answers.append((solver.name, solver.solve(given.network, given.initial, grid)))
         except ValueError as error:
             refusals.append((solver.name, str(error)))
     if not answers:

@@ -23,7 +23,7 @@ from mechsim.scene import Scene
 
 @dataclass(frozen=True)
 class SettingResult:
-    """What a setting came to.
+    """Result of one setting.
 
     runs : made of it, with single cubes, and as many with structures where bonds break
     cost : CPU s a simulated tu with single cubes, median over blocks and runs; of what was stopped, up to there

@@ -158,7 +158,7 @@ def _rates(records: Iterable[RunRecord], quantity: Quantity) -> np.ndarray:
 
 
 def _cost(records: Records) -> float:
-    """Of the whole runs; where all were stopped, of the one that went furthest: a few steps load the code above all."""
+    """Cost of the whole runs; if all were stopped, of the longest, since a few steps mostly load code."""
     whole = [record for record in records.values() if record.completed]
     whole = whole or sorted(records.values(), key=lambda record: record.facts["steps"])[-1:]
     return float(np.median([record.cost["cpu_per_tu"] for record in whole])) if whole else float("nan")

@@ -9,11 +9,10 @@ from typing import Any
 
 from kinetics.support.settings import validated
 from mechsim.accuracy.trial import with_numerics
-from mechsim.effects.drag import QuadraticDrag
 from mechsim.scene import Scene
 
 STEP_FACTORS = (4.0, 2.0, 1.0, 0.5)  # of the scene's step
-DRAG_FACTORS = (2.0, 1.0, 0.5)  # the same for a curve of steps with another way of drag
+DRAG_FACTORS = (2.0, 1.0, 0.5)  # of the scene's step, for the curve of steps with sub-cycles of the drag
 SUB_CYCLES, SUB_CYCLES_OF_CURVE = (1, 2), 4
 ITERATIONS = (1, 5, 10, 50)
 REFERENCE_STEP, REFERENCE_ITERATIONS = 0.25, 4  # factors
@@ -64,7 +63,7 @@ class Refused:
 
 @dataclass(frozen=True)
 class AccuracyPlan:
-    """What is compared with what: `numerical` with the reference, `model` with the scene as it is (`base`)."""
+    """The comparisons: `numerical` settings with the reference, `model` settings with the scene as it is (`base`)."""
 
     reference: Setting
     base: Setting
@@ -89,12 +88,6 @@ def plan(scene: Scene) -> AccuracyPlan:
 
     for factor in STEP_FACTORS:
         add(numerical, "step", step * factor, partial(with_numerics, scene, step=step * factor))
-    for listed, other in (("drag", "explicit-drag"), ("explicit-drag", "drag")):
-        drag = scene.effect(listed)
-        if drag is not None:
-            same = {name: getattr(drag, name) for name in QuadraticDrag.__struct_fields__} | {"effect": other}
-            for factor in DRAG_FACTORS:
-                add(numerical, f"step, {other}", step * factor, partial(_with, scene, listed, same, step * factor))
     drag = scene.effect("drag")
     if drag is not None:
         own = drag.sub_cycles
@@ -130,7 +123,7 @@ def plan(scene: Scene) -> AccuracyPlan:
                 "correlation_length": edges * scene.cubes.edge,
                 "correlation_time": agitation.hold / 2,
             }
-            make = partial(_with, scene, "agitation", field, step)
+            make = partial(_with, scene, "agitation", field)
             add(model, "agitation correlated over", edges * scene.cubes.edge, make)
     finest = min(MOST_ITERATIONS, REFERENCE_ITERATIONS * iterations)
     reference = with_numerics(scene, step=step * REFERENCE_STEP, solver_iterations=finest)
@@ -143,9 +136,8 @@ def plan(scene: Scene) -> AccuracyPlan:
     )
 
 
-def _with(scene: Scene, effect: str, other: dict[str, Any], step: float) -> Scene:
-    """The scene at another step, with another effect in the place of one that it lists."""
+def _with(scene: Scene, effect: str, other: dict[str, Any]) -> Scene:
+    """The scene with another effect in the place of one that it lists."""
     data = scene.as_dict()
-    data["numerics"]["step"] = step
     data["effects"] = [other if item["effect"] == effect else item for item in data["effects"]]
     return validated(Scene, data, f"scene {scene.name} with {other['effect']}")

@@ -92,13 +92,13 @@ class Chosen:
         return computed if scene.effect("drag") is None else computed.changed("drag", sub_cycles=p.sub_cycles)
 
     def expected(self, cubes: int, simulated: float) -> Expectation:
-        """Of runs with so many cubes, for so many tu in all."""
+        """Expected error and cost of runs with so many cubes, for so many tu in all."""
         return Expectation(self.name, self.preset, self.physics, self.preset.cpu_per_cube * cubes * simulated)
 
 
 @dataclass(frozen=True)
 class Expectation:
-    """What is to be expected of runs made with a preset; cpu_seconds : on the machine that measured it."""
+    """Expected error and cost of runs made with a preset; cpu_seconds : on the machine that measured it."""
 
     name: str
     preset: Preset
@@ -117,8 +117,8 @@ class Expectation:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        told = {"name": self.name, "physics": self.physics} | self.preset.as_dict()
-        return told | {"expected_cpu_seconds": self.cpu_seconds}
+        found = {"name": self.name, "physics": self.physics} | self.preset.as_dict()
+        return found | {"expected_cpu_seconds": self.cpu_seconds}
 
 
 def load(text: str, scene: Scene, without: Sequence[str] = ()) -> Chosen:
@@ -132,7 +132,7 @@ def load(text: str, scene: Scene, without: Sequence[str] = ()) -> Chosen:
     if others:
         raise ValueError(
             f"preset {name!r} was never measured for scene {scene.name} without {others[0]}: leave out --preset, or "
-            "write that scene to a file and measure it with wellmixed accuracy mechanics"
+            "write that scene to a file and measure it with wellmixed trust accuracy mechanics"
         )
     paths = [find(file, PRESETS, "preset")] if file else sorted(PRESETS.glob("*.toml"))
     known = [validated(Presets, read_toml(path), path.name) for path in paths]
@@ -145,7 +145,7 @@ def load(text: str, scene: Scene, without: Sequence[str] = ()) -> Chosen:
     scenes = ", ".join(f"{m.scene} ({m.fingerprint[:8]})" for m in known) or "no scene"
     raise ValueError(
         f"preset {name!r} was never measured for scene {scene.name} as it is ({scene.fingerprint[:8]}); {where} of "
-        f"{scenes}. Measure it: wellmixed accuracy mechanics SCENE --presets FILE.toml; then say "
+        f"{scenes}. Measure it: wellmixed trust accuracy mechanics SCENE --presets FILE.toml; then say "
         f"--preset FILE.toml:{name}"
     )
 
@@ -190,7 +190,7 @@ def _error(point: SettingResult) -> float:
 
 
 def _but_for_steps(scene: Scene) -> dict[str, Any]:
-    """What scenes have in common that differ in their steps, and in those of the drag within them, alone."""
+    """The content shared by scenes that differ only in their step and in the sub-cycles of the drag."""
     data = scene.as_dict()
     del data["numerics"]["step"]
     for item in data["effects"]:

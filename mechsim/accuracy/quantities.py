@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from mechsim.accuracy.changes import RelativeChange
 from mechsim.effects.faces import FINEST, FacesWithinReach
+from mechsim.effects.latches import Encounter
 from mechsim.inspection.speeds import mean_speed
 from mechsim.runs.load_log import LoadLog
 from mechsim.scene import Scene
@@ -111,7 +112,7 @@ class HitsLogged(Meter):
 
     def total(self) -> float:
         """A collision counts once, by its largest load."""
-        return sum(row.hit.load > self.above for row in self.log.rows)
+        return float(sum(row.hit.load > self.above for row in self.log.rows))
 
 
 def pairs(spec: RunSpec) -> float:
@@ -170,8 +171,6 @@ def counter(scene: Scene, world: World, in_passing: bool = True, finest: float =
     bonding = scene.effect("bonding")
     if bonding is None:
         raise ValueError(f"scene {scene.name} lists no bonding, so no reach within which faces meet: add it")
-    from mechsim.effects.latches import Encounter
-
     latch = bonding.latch if isinstance(bonding.latch, Encounter) else Encounter(probability=1.0)
     meetings = latch.attach(world, world.stream("bonding"))
     sideways = bonding.sideways * world.bodies.edge

@@ -14,10 +14,12 @@ import numpy as np
 from kinetics.assembly import Derivation
 from kinetics.support.settings import validated
 from mechsim.accuracy.quantities import QUANTITIES, TAIL, Quantity
+from mechsim.effects.base import Stopped
 from mechsim.inspection.speeds import whole_holds
 from mechsim.runs.record import COMPLETED, PROGRESS_STEPS, RunRecord, RunSpec, book_of
 from mechsim.runs.species import single_cubes
 from mechsim.scene import Scene
+from mechsim.world.world import World
 
 BLOCKS = 20  # of equal length a trial: their scatter gives the standard errors
 WARM_UP = 1.0  # tu, many times the relaxation of a cube's speed
@@ -45,14 +47,14 @@ class AccuracyTrial(RunSpec):
 
     @property
     def measured(self) -> tuple[Quantity, ...]:
-        """What such a tank shows."""
+        """The quantities that such a tank shows."""
         return tuple(q for q in QUANTITIES if q.of_structures == self.has_structures and q.is_of(self.scene))
 
     @property
     def inputs(self) -> dict[str, Any]:
-        """What moves and what is looked for. What becomes of bonds is no part of it, and with single cubes neither are
-        the rules: scenes that differ in these alone share their trials, and a trial is named apart from a run of the
-        same scene.
+        """The inputs that decide a trial: motion and what is measured. Bonds are no part of it, and with single cubes
+        neither are the rules: scenes that differ in these alone share their trials. A trial's name differs from that of
+        a run of the same scene.
         """
         inputs = super().inputs | {
             "scene": self.in_tank.as_dict(without={"name", "rules"}),
@@ -69,7 +71,7 @@ class AccuracyTrial(RunSpec):
 
 
 def compositions(scene: Scene, cubes: int) -> tuple[dict[str, int], ...]:
-    """What the tanks of trials hold: single cubes, and where bonds break a mixture with structures."""
+    """Compositions of the tanks of trials: single cubes, and if bonds break also a mixture of all structures."""
     derivation = book_of(scene.rules)[1]
     found = [single_cubes(derivation, cubes)]
     if any(quantity.of_structures and quantity.is_of(scene) for quantity in QUANTITIES):
@@ -122,8 +124,6 @@ def execute_trial(spec: RunSpec, progress: Callable[[float], None] | None = None
     search for meetings is in it (bonding does the same), the averaging of speeds is not. A trial stopped by the guard
     keeps the blocks that it finished.
     """
-    from mechsim.world.world import Stopped, World
-
     assert isinstance(spec, AccuracyTrial)  # noqa: S101 - run_all hands back what it was given
     book, _ = book_of(spec.scene.rules)
     step = spec.scene.numerics.step
@@ -176,8 +176,6 @@ def execute_trial(spec: RunSpec, progress: Callable[[float], None] | None = None
 
 def pilot(trial: AccuracyTrial, steps: int = 200) -> float:
     """CPU s of a step of this trial, from a short stretch. ValueError where the guard stops that."""
-    from mechsim.world.world import Stopped, World
-
     book, _ = book_of(trial.scene.rules)
     with World(trial.in_tank, book, trial.n_cubes, trial.streams) as world:
         meters = [quantity.attach(trial.scene, world) for quantity in trial.measured]

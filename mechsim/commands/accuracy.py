@@ -1,4 +1,4 @@
-"""The command `wellmixed accuracy mechanics`: error of the mechanics against CPU time."""
+"""The command `wellmixed trust accuracy mechanics`: error of the mechanics against CPU time."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
 from kinetics.support.output import write_whole
-from mechsim.commands.options import PARTIAL, executor_options, progress_option, runs_option
+from mechsim.commands.options import executor_options, progress_option, runs_option
 
 if TYPE_CHECKING:
     from mechsim.runs.executors import Executor
@@ -113,4 +114,4 @@ def mechanics(
     if presets_file is not None:
         choose(measured).write(presets_file)
     if measured.given_up:
-        click.get_current_context().exit(PARTIAL)
+        click.get_current_context().exit(STOPPED)

@@ -1,4 +1,4 @@
-"""The command `wellmixed export`: stored runs as tables."""
+"""The command `wellmixed runs export`: stored runs as tables."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ from kinetics.support.extras import require
 def export(folder: str, out: str, formats: tuple[str, ...], rules: str | None, as_json: bool) -> None:
     """Write the runs kept in FOLDER as tables: events, runs, and the settings of the runs.
 
-    The first two hold the completed runs as `wellmixed calibrate --events` reads them; docs/watched_events.md describes
-    them. The third has a row for every run: its inputs, outcome and cost. The command draws no random numbers.
+    The first two hold the completed runs as `wellmixed calibrate --events` reads them, see
+    docs/observed_events.md. The third has a row for every run: its inputs, outcome and cost. The command draws no
+    random numbers.
     """
     from mechsim.runs.store import RunStore
 

@@ -1,6 +1,8 @@
-"""The command `wellmixed loads`: rates of breaks at any threshold, from the hits that runs have logged."""
+"""The command `wellmixed runs loads`: rates of breaks at any threshold, from the hits that runs have logged."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import click
 
@@ -35,10 +37,8 @@ def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot_files: tupl
     run's own tank; where tanks of different size or number of cubes disagree on a rate of hits, the command says so.
     Runs without a log, or stopped by the guard, are left out. The command draws no random numbers.
     """
-    from pathlib import Path
-
-    from mechsim.inspection.gauge.report import gauge, plot_tails
     from mechsim.inspection.poses import record_at
+    from mechsim.inspection.tail_extrapolation.report import extrapolate, plot_tails
     from mechsim.runs.store import RunStore
 
     files = []
@@ -51,7 +51,7 @@ def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot_files: tupl
             f"{', '.join(runs)}: none of {len(records)} runs has a log of hits; expected runs of a scene whose effect "
             "breaking has log_above"
         )
-    found = gauge(logged, thresholds)
+    found = extrapolate(logged, thresholds)
     for plot_file in plot_files:
         from kinetics.support.plots import save
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from kinetics.support.cli.failures import keep_runs
+from kinetics.support.cli.failures import STOPPED, keep_runs
 from kinetics.support.cli.options import echo_json
 from mechsim.runs.executors import EXECUTORS, Executor
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from mechsim.runs.record import RunSpec
     from mechsim.runs.shards import Shard
 
-PARTIAL = 4  # exit code: some runs were stopped by the guard or given up, or are missing
 PATIENCE = 600.0  # s; even compiling all kernels on a busy machine takes a tenth
 
 progress_option = click.option(
@@ -93,7 +92,7 @@ def run_options(command: Callable[..., None]) -> Callable[..., None]:
 
 @dataclass(frozen=True)
 class ShardWork:
-    """What a command does instead of its whole work: make one shard of its runs, or list what is missing of it."""
+    """The work of a command with --shard or --missing: make one shard of its runs, or list those missing of it."""
 
     shard: Shard
     only_list: bool
@@ -101,13 +100,13 @@ class ShardWork:
     def make(
         self, specs: Sequence[RunSpec], folder: str, workers: Executor, progress: bool | None, as_json: bool
     ) -> None:
-        """Do so, say what came of it, and leave with exit code 4 where a run is missing, stopped or given up."""
+        """Do so, report the result, and leave with exit code 4 if a run is missing, stopped or given up."""
         mine = self.shard.of(specs)
         is_whole = (
             self._list(mine, folder, as_json) if self.only_list else self._run(mine, folder, workers, progress, as_json)
         )
         if not is_whole:
-            click.get_current_context().exit(PARTIAL)
+            click.get_current_context().exit(STOPPED)
 
     def _list(self, mine: list[RunSpec], folder: str, as_json: bool) -> bool:
         from mechsim.runs.shards import missing

@@ -1,4 +1,4 @@
-"""The command `wellmixed render`: pictures, films and interactive views of a run."""
+"""The command `wellmixed runs render`: pictures, films and interactive views of a run."""
 
 from __future__ import annotations
 

@@ -1,12 +1,13 @@
-"""The command `wellmixed replay`: a stored run carried out again, with a close look at its end."""
+"""The command `wellmixed runs replay`: a stored run carried out again, with a close look at its end."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
+from kinetics.support.cli.failures import DIFFERENT
 from kinetics.support.cli.options import echo_json, json_option, picture_of
-
-DIFFERENT = 4  # exit code: not the same happened
 
 
 @click.command()
@@ -35,8 +36,6 @@ def replay(file: str, last: int, poses: str | None, pictures: tuple[str, ...], a
     A stored run, also one that the guard stopped, holds all inputs that decide what happens, so it can be made again.
     The table follows the cube whose body moves and turns most. Exit code 4: the replay differs from the stored run.
     """
-    from pathlib import Path
-
     from mechsim.inspection.replay import replay as make_again
 
     if poses is not None and Path(poses).suffix != ".npz":

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.options import echo_json, json_option, picture_of, plot_option, seed_option
+from kinetics.support.cli.failures import STOPPED
+from kinetics.support.cli.options import counts_of, echo_json, json_option, picture_of, plot_option, seed_option
 from kinetics.support.cli.study_folder import RUNS, SCENE, is_filled, or_study_folder, start_of
-from mechsim.commands.options import PARTIAL, run_options
+from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation
@@ -70,7 +71,7 @@ if TYPE_CHECKING:
     help="Numerical settings: draft, standard or reference (or FILE.toml:NAME), whose error and cost were measured for "
     "the scene.  [default: the scene's own step]",
 )
-@click.option("--bill", "as_bill", is_flag=True, help="Make no runs; report what each part of a step costs.")
+@click.option("--cost-profile", "as_profile", is_flag=True, help="Make no runs; report what each part of a step costs.")
 @plot_option
 @run_options
 @seed_option
@@ -87,7 +88,7 @@ def simulate(
     pictures: tuple[str, ...],
     growth_files: tuple[str, ...],
     preset: str | None,
-    as_bill: bool,
+    as_profile: bool,
     plot_files: tuple[str, ...],
     runs_folder: str,
     workers: Executor,
@@ -131,19 +132,19 @@ def simulate(
         expected = known.expected(specs[0].n_cubes, duration * runs)
         click.echo(str(expected), err=True)
     if part is not None:
-        if as_bill:
-            raise ValueError("--bill makes no runs: leave out --shard and --missing")
+        if as_profile:
+            raise ValueError("--cost-profile makes no runs: leave out --shard and --missing")
         part.make(specs, runs_folder, workers, progress, as_json)
         return
     check_starts(specs)
-    if as_bill:
-        from mechsim.inspection.bill import bill_of
+    if as_profile:
+        from mechsim.inspection.cost_profile import profile_run
 
-        bill = bill_of(specs[0])
+        profile = profile_run(specs[0])
         if as_json:
-            echo_json(bill.as_dict())
+            echo_json(profile.as_dict())
         else:
-            click.echo(str(bill))
+            click.echo(str(profile))
         return
     outcome = run_all(specs, RunStore(runs_folder), workers=workers, progress=progress)
     for picture in pictures if outcome.records else ():
@@ -189,12 +190,11 @@ def simulate(
             click.echo(f"given up: {given_up.spec.title}: {given_up.reasons[-1]}")
         click.echo(f"{outcome.computed} runs made, {outcome.reused} found; digest {outcome.digest[:16]}")
     if outcome.quarantined or len(sound) < len(outcome.records):
-        click.get_current_context().exit(PARTIAL)
+        click.get_current_context().exit(STOPPED)
 
 
 def _composition(derivation: Derivation, cubes: int | None, initial: str | None) -> dict[str, int]:
-    """What the tank holds at the start."""
-    from kinetics.support.cli.options import counts_of
+    """Composition of the tank at the start."""
     from mechsim.runs.species import single_cubes
 
     if (cubes is None) == (initial is None):

@@ -16,7 +16,6 @@ from mechsim.effects.buoyancy import Buoyancy
 from mechsim.effects.contact import Contact
 from mechsim.effects.current import Current
 from mechsim.effects.drag import Drag
-from mechsim.effects.explicit_drag import ExplicitDrag
 from mechsim.effects.ornstein_uhlenbeck import OrnsteinUhlenbeck
 from mechsim.effects.random_field import RandomField
 from mechsim.effects.shear import Shear

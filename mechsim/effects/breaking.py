@@ -20,7 +20,8 @@ from mechsim.kernels.loads import SLACK, bond_loads, hit_bound
 
 def _pull(load: np.ndarray) -> np.ndarray:
     """Pull and shear of each bond; a push tears nothing."""
-    return np.hypot(np.maximum(load[:, 0], 0.0), load[:, 1])
+    found: np.ndarray = np.hypot(np.maximum(load[:, 0], 0.0), load[:, 1])
+    return found
 
 
 # What tears a bond: (tension, shear, moment) of each bond, (bonds, 3), and the structure's change of velocity, to one

@@ -22,7 +22,7 @@ class Bridges:
 
     @classmethod
     def of(cls, structure: Structure) -> Bridges:
-        """Of a structure; bonds in a loop are none."""
+        """The bridges of a structure; a bond in a loop is none."""
         bonds, sides = [], []
         for i, j in structure.bonds:
             parts = structure.sides(i, j)
@@ -59,7 +59,8 @@ class Bridges:
 
 def _inertia(places: np.ndarray) -> np.ndarray:
     """Inertia tensor of unit cubes about the origin."""
-    return np.eye(3) * ((places**2).sum() + len(places) / 6) - places.T @ places
+    tensor: np.ndarray = np.eye(3) * ((places**2).sum() + len(places) / 6) - places.T @ places
+    return tensor
 
 
 def _cross(v: np.ndarray) -> np.ndarray:

@@ -95,9 +95,10 @@ class CompatibleFaces(FacesWithinReach):
         return self.kinds[signature]
 
     def _may_pair(self, kind: np.ndarray) -> np.ndarray:
-        """Of each cube: has it a face of a kind that may pair with any known one?"""
+        """Whether each cube has a face of a kind that may pair with any known one."""
         pairs = np.append(self.allowed.any(axis=1), False)  # the last: -1, a covered face
-        return pairs[kind].any(axis=1)
+        may: np.ndarray = pairs[kind].any(axis=1)
+        return may
 
     def still_may(self, i: int, face: int, j: int, other: int) -> bool:
         """May these faces bond as things stand? An earlier bond of this step may have covered one or joined both."""

@@ -28,7 +28,7 @@ class ViewOfNumerics(Protocol):
 
     @property
     def step(self) -> float:
-        """Of the engine, tu."""
+        """Step of the engine, tu."""
 
 
 class ViewOfScene(Protocol):
@@ -43,7 +43,7 @@ class ViewOfScene(Protocol):
         """The step."""
 
     def provider(self, what: str) -> Any | None:
-        """Settings of the listed effect that is this or a way of this (`drag`: drag or explicit-drag), or None."""
+        """Settings of the listed effect that is this or a way of this (`agitation`: three ways of it), or None."""
 
 
 class ViewOfBodies(Protocol):
@@ -55,11 +55,11 @@ class ViewOfBodies(Protocol):
 
     @property
     def edge(self) -> float:
-        """Of a cube, length."""
+        """Edge of a cube, length."""
 
     @property
     def cube_mass(self) -> float:
-        """Of a cube."""
+        """Mass of a cube."""
 
     @property
     def position(self) -> np.ndarray:

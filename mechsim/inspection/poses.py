@@ -80,7 +80,8 @@ class Poses:
 
     def sizes(self, frame: int) -> np.ndarray:
         """Cubes (C,) in the structure of each cube."""
-        return np.bincount(self.slots[frame])[self.slots[frame]]
+        sizes: np.ndarray = np.bincount(self.slots[frame])[self.slots[frame]]
+        return sizes
 
     def spread(self, most: int) -> np.ndarray:
         """At most so many frames, evenly spread, the first and the last among them."""

@@ -104,7 +104,7 @@ def replay(file: str | Path, last: int = 40) -> Replay:
             f"{file} cannot be made again here: {', '.join(differ) or 'an input'} differ; it was made with "
             f"{manifest['inputs']['physics']}, here are {spec.inputs['physics']}"
         )
-    frames: deque[tuple] = deque(maxlen=last + 1)
+    frames: deque[tuple[Any, ...]] = deque(maxlen=last + 1)
     record = execute(spec, look=lambda world: frames.append(_frame(world)))
     names = ("pose_times", "centres", "axes", "slots")
     *poses, speed, spin = (np.array(column) for column in zip(*frames, strict=True))
@@ -112,7 +112,7 @@ def replay(file: str | Path, last: int = 40) -> Replay:
     return Replay(shown, speed, spin, is_same=record.digest == manifest["digest"])
 
 
-def _frame(world: World) -> tuple:
+def _frame(world: World) -> tuple[Any, ...]:
     """Poses and motions of all cubes now."""
     b = world.bodies
     speed, spin = np.linalg.norm(b.velocity, axis=1), np.linalg.norm(b.spin, axis=1)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.runs import JumpPath
+from kinetics.support import plots
 from kinetics.support.tables import text_table
 from mechsim.runs.record import RunRecord, book_of
 from mechsim.runs.species import species_of
@@ -96,8 +97,6 @@ def table(records: Sequence[RunRecord]) -> str:
 
 def plot_counts(ax: Any, records: Sequence[RunRecord]) -> Any:
     """Mean counts over time with the band that holds the middle 95 % of runs, in the table's columns; returns `ax`."""
-    from kinetics.support import plots
-
     paths = [record.path for record in records]
     columns = columns_of(paths[0].network, paths, target_of(records[0]))
     grid = np.linspace(0.0, min(path.end for path in paths), GRID)

@@ -55,8 +55,9 @@ def facing_pairs(
     for i in range(body.shape[0]):
         if is_open[i] and born[body[i]] < since:
             furthest = max(furthest, _distance2(centre, last_centre, i))
-    wide = reach + 2.0 * math.sqrt(furthest)
+    wide = reach + 2.0 * math.sqrt(furthest)  # two cubes may both have come this far since the last look
     between = np.empty((2, 3, 3))
+    # Sort and sweep: insertion sort along z, linear where the order has hardly changed.
     for k in range(1, order.shape[0]):
         cube = order[k]
         m = k - 1
@@ -111,6 +112,7 @@ def facing_pairs(
                     kg = kind[j, g]
                     if kg < 0 or not allowed[kf, kg]:
                         continue
+                    # Conservative advancement: back from now, by as much of the step as surely holds no meeting.
                     free = _out_of_reach(axes, i, j, f, g, dx, dy, dz, edge, capture, cosine, sideways, move, turn)
                     back = 0.0  # share of the way back to the last look
                     while free >= 0.0:
@@ -159,6 +161,7 @@ def _out_of_reach(axes, i, j, f, g, dx, dy, dz, edge, capture, cosine, sideways,
     sf, sg = 1.0 - 2.0 * (f & 1), 1.0 - 2.0 * (g & 1)
     ax, ay, az = sf * axes[i, 0, f >> 1], sf * axes[i, 1, f >> 1], sf * axes[i, 2, f >> 1]
     bx, by, bz = sg * axes[j, 0, g >> 1], sg * axes[j, 1, g >> 1], sg * axes[j, 2, g >> 1]
+    # Do the faces look at each other? n1 . n2 changes by at most `turn`.
     over = ax * bx + ay * by + az * bz + cosine
     if over > 0.0:
         if over >= turn:
@@ -170,21 +173,25 @@ def _out_of_reach(axes, i, j, f, g, dx, dy, dz, edge, capture, cosine, sideways,
         return max(free, 0.0)
     nx, ny, nz = nx / norm, ny / norm, nz / norm
     d2 = dx * dx + dy * dy + dz * dz
+    # Bounds of the change of n, and of projections of d on n.
     swing = 2.0 * turn / (norm + 1.3)  # 1.3: less than the least |u'|, 2^.5 of axes shortened by a turn of .7
     longest = math.sqrt(d2) + move
     shift = move + swing * longest
     along = nx * dx + ny * dy + nz * dz
+    # Is the other cube in front of the face?
     behind = -min(ax * dx + ay * dy + az * dz, along)
     if behind >= 0.0:
         pass_by = move + max(turn, swing) * longest
         if behind >= pass_by:
             return 1.0
         free = max(free, behind / pass_by)
+    # Offset across n
     aside = math.sqrt(max(d2 - along * along, 0.0)) - sideways
     if aside > 0.0:
         if aside >= shift:
             return 1.0
         free = max(free, aside / shift)
+    # Gap along n: distance less both cubes' supports, half an edge times the sum of |n . axis|
     supports = 0.0
     for k in range(3):
         supports += abs(nx * axes[i, 0, k] + ny * axes[i, 1, k] + nz * axes[i, 2, k])
@@ -228,6 +235,7 @@ def cubes_overlap(centre_a, axes_a, centre_b, axes_b, half_a, half_b):
             r[i, j] = 0.0
             for k in range(3):
                 r[i, j] += axes_a[k, i] * axes_b[k, j]
+    # Axes of a, of b, and products of both; d and R = A' B in the frame of a.
     for i in range(3):
         if abs(d[i]) > half_a + half_b * (abs(r[i, 0]) + abs(r[i, 1]) + abs(r[i, 2])):
             return False

@@ -1,4 +1,4 @@
-"""Compiled forces before a step: explicit drag, attraction of faces, gyroscopic torque.
+"""Compiled forces before a step: attraction of faces, gyroscopic torque.
 
 Indices as in `motion`: B body slots, C cubes, P drag points a cube; a quaternion is (x, y, z, w), body frame to world.
 """
@@ -33,51 +33,6 @@ def weighted(qx, qy, qz, qw, f0, f1, f2, x, y, z):
 
 
 @compiled(nogil=False, error_model="python")
-def explicit_drag(
-    live, first, members, points, areas, fluid, orientation, velocity, spin, mass, inertia, coefficient, step
-):
-    """Quadratic drag by explicit Euler: force and torque at the start of the step, updates `velocity` and `spin`.
-
-    Arguments as `motion.drag`. Returns the largest product of the step and sum c / m or sum c r^2 / (least moment) of
-    a body, c = coefficient A |u - v| at its points, and its slot: an error grows where twice the product exceeds 2.
-    """
-    stiffest, worst = 0.0, -1
-    for slot in live:
-        qx, qy, qz, qw = orientation[slot]
-        vx, vy, vz = velocity[slot]
-        wx, wy, wz = spin[slot]
-        c0 = c2 = fx = fy = fz = tx = ty = tz = 0.0
-        for m in range(first[slot], first[slot + 1]):
-            cube = members[m]
-            for k in range(points.shape[1]):
-                x, y, z = rotated(qx, qy, qz, qw, points[cube, k, 0], points[cube, k, 1], points[cube, k, 2])
-                ux = fluid[cube, k, 0] - (vx + wy * z - wz * y)
-                uy = fluid[cube, k, 1] - (vy + wz * x - wx * z)
-                uz = fluid[cube, k, 2] - (vz + wx * y - wy * x)
-                c = coefficient * areas[cube, k] * math.sqrt(ux * ux + uy * uy + uz * uz)
-                c0 += c
-                c2 += c * (x * x + y * y + z * z)
-                fx += c * ux
-                fy += c * uy
-                fz += c * uz
-                tx += c * (y * uz - z * uy)
-                ty += c * (z * ux - x * uz)
-                tz += c * (x * uy - y * ux)
-        i0, i1, i2 = inertia[slot]
-        stiff = step * max(c0 / mass[slot], c2 / min(i0, i1, i2))
-        if not stiff <= stiffest:  # not a number is the worst of all
-            stiffest, worst = stiff, slot
-        dx, dy, dz = weighted(qx, qy, qz, qw, 1.0 / i0, 1.0 / i1, 1.0 / i2, tx, ty, tz)
-        velocity[slot, 0] += step * fx / mass[slot]
-        velocity[slot, 1] += step * fy / mass[slot]
-        velocity[slot, 2] += step * fz / mass[slot]
-        spin[slot, 0] += step * dx
-        spin[slot, 1] += step * dy
-        spin[slot, 2] += step * dz
-    return stiffest, worst
-
-
-@compiled(nogil=False, error_model="python")
 def attract(
     pairs, body, centre, axes, edge, position, orientation, velocity, spin, mass, inertia, strength, decay, reach, step
 ):
@@ -90,7 +45,7 @@ def attract(
 
     pairs (K, 4) : cube, face, cube, face
     """
-    arm = np.empty((2, 3))
+    arm = np.empty((2, 3))  # from each body's centre to its face's
     for q in range(pairs.shape[0]):
         gap = np.zeros(3)
         for side in range(2):
@@ -103,6 +58,7 @@ def attract(
         d = math.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2])
         if d == 0.0 or d > reach:
             continue
+        # Along n an impulse J changes the closing speed by J * give, give = sum of 1 / m + (r x n) . I^-1 (r x n).
         nx, ny, nz = gap[0] / d, gap[1] / d, gap[2] / d
         give = closing = 0.0  # change of the closing speed by a unit of impulse; closing speed
         turn = np.empty((2, 3))
@@ -118,6 +74,7 @@ def attract(
             give += 1.0 / mass[slot] + tx * dx + ty * dy + tz * dz
             along = velocity[slot, 0] * nx + velocity[slot, 1] * ny + velocity[slot, 2] * nz
             closing += sign * (along + spin[slot, 0] * tx + spin[slot, 1] * ty + spin[slot, 2] * tz)
+        # Force * step, or less: the impulse after which the points would meet at the end of the step.
         impulse = min(strength / (1.0 + d / decay) ** 4 * step, (d / step - closing) / give)
         if impulse <= 0.0:
             continue
@@ -162,6 +119,7 @@ def begin_spin(live, orientation, spin, inertia, step, momentum, middle):
         x, y, z, w = orientation[slot]
         mx, my, mz = spin[slot]
         lx, ly, lz = weighted(x, y, z, w, i0, i1, i2, mx, my, mz)
+        # Implicit midpoint: w = R(h) I^-1 R(h)' L at the orientation h half a step on, which is turned by w itself.
         for _ in range(50):
             hx, hy, hz, hw = turned_by(mx, my, mz, 0.5 * step, x, y, z, w)
             nx, ny, nz = weighted(hx, hy, hz, hw, 1.0 / i0, 1.0 / i1, 1.0 / i2, lx, ly, lz)
@@ -169,6 +127,7 @@ def begin_spin(live, orientation, spin, inertia, step, momentum, middle):
             mx, my, mz = nx, ny, nz
             if change <= 1e-15 * (abs(mx) + abs(my) + abs(mz)):
                 break
+        # The spin that the engine's explicit gyroscopic term turns into w.
         m0, m1, m2 = rotated(-x, -y, -z, w, mx, my, mz)
         u0, u1, u2 = spin_before(m0, m1, m2, i0, i1, i2, step)
         momentum[slot, 0], momentum[slot, 1], momentum[slot, 2] = lx, ly, lz
@@ -187,6 +146,7 @@ def end_spin(live, before, orientation, spin, inertia, momentum, middle):
         if i0 == i1 and i1 == i2:
             continue
         dx, dy, dz = spin[slot, 0] - middle[slot, 0], spin[slot, 1] - middle[slot, 1], spin[slot, 2] - middle[slot, 2]
+        # Angular impulses of collisions, I dw at the orientation before; added to L, and back to a spin at today's.
         x, y, z, w = before[slot]
         kx, ky, kz = weighted(x, y, z, w, i0, i1, i2, dx, dy, dz)
         x, y, z, w = orientation[slot]

@@ -40,10 +40,12 @@ def bond_loads(bonds, side, place, contact, impulse, cube_mass, edge, loads):
                 owner[q] = c
         total += impulse[q]
         turn += np.cross(contact[q] - centre, impulse[q])
+    # The whole moves rigidly: dv = J / m, dw = I^-1 (sum of r x J).
     dv = total / (cube_mass * k)
     dw = np.linalg.solve(_inertia(place, centre, np.ones(k, np.bool_), cube_mass, edge), turn)
     for n in range(bonds.shape[0]):
         mine = side[n]
+        # One side of the bond: its centre, then what its share of the motion needs beyond the impulses on itself.
         count = 0
         own = np.zeros(3)
         for c in range(k):
@@ -57,6 +59,7 @@ def bond_loads(bonds, side, place, contact, impulse, cube_mass, edge, loads):
             if mine[owner[q]]:
                 push -= impulse[q]
                 moment -= np.cross(contact[q] - own, impulse[q])
+        # That impulse and moment act at the middle of the bond; the pull is split along and across it.
         i, j = bonds[n]
         middle = 0.5 * (place[i] + place[j])
         normal = (place[j] - place[i]) / edge
@@ -84,6 +87,7 @@ def hit_bound(
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_of(
         orientation[slot, 0], orientation[slot, 1], orientation[slot, 2], orientation[slot, 3]
     )
+    # Place and impulse in the body frame, R' v, in edges; torque x * J.
     wx, wy, wz = place[0] - position[slot, 0], place[1] - position[slot, 1], place[2] - position[slot, 2]
     x = (r00 * wx + r10 * wy + r20 * wz) / edge
     y = (r01 * wx + r11 * wy + r21 * wz) / edge
@@ -99,6 +103,7 @@ def hit_bound(
         if (x - cubes[c, 0]) ** 2 + (y - cubes[c, 1]) ** 2 + (z - cubes[c, 2]) ** 2 > nearest + SLACK:
             continue  # not the cube that was hit; of cubes equally near each counts, for rounding decides
         for n in range(levers.shape[0]):
+            # (pull, moment) = levers (J, T). Rows 0 to 2: the pull; row 0, along the bond, counts if positive.
             w = levers[n, 1 if sides[n, c] else 0]
             pull = moment = 0.0
             for row in range(6):
@@ -119,7 +124,7 @@ def _inertia(place, centre, mine, cube_mass, edge):
     for c in range(place.shape[0]):
         if mine[c]:
             r = place[c] - centre
-            own = edge * edge / 6.0 + np.sum(r * r)
+            own = edge * edge / 6.0 + np.sum(r * r)  # of a cube, a^2 / 6, and Steiner's r^2 - r r'
             for i in range(3):
                 tensor[i, i] += cube_mass * own
                 for j in range(3):

@@ -69,6 +69,8 @@ def drag(live, first, members, points, areas, fluid, orientation, velocity, spin
         r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_of(qx, qy, qz, qw)
         vx, vy, vz = velocity[slot]
         wx, wy, wz = spin[slot]
+        # Moments of the drag factors c = coefficient A |u - v| over the body's points r: sum of c, c r, c r r', and the
+        # force and torque at the start of the step, F = sum of c (u - v), T = sum of c r x (u - v).
         c0 = 0.0
         cx = cy = cz = 0.0
         cxx = cyy = czz = cxy = cxz = cyz = 0.0
@@ -104,6 +106,7 @@ def drag(live, first, members, points, areas, fluid, orientation, velocity, spin
                 ty += c * (z * ux - x * uz)
                 tz += c * (x * uy - y * ux)
         i0, i1, i2 = inertia[slot]
+        # M / step: mass and world inertia tensor R diag(I) R', lower triangle.
         a[0, 0] = a[1, 1] = a[2, 2] = mass[slot] / step
         a[3, 3] = (r00 * r00 * i0 + r01 * r01 * i1 + r02 * r02 * i2) / step
         a[4, 4] = (r10 * r10 * i0 + r11 * r11 * i1 + r12 * r12 * i2) / step
@@ -129,6 +132,7 @@ def drag(live, first, members, points, areas, fluid, orientation, velocity, spin
         a[4, 3] -= cxy
         a[5, 3] -= cxz
         a[5, 4] -= cyz
+        # (M / step + K) dV = (F, T)
         b[0], b[1], b[2], b[3], b[4], b[5] = fx, fy, fz, tx, ty, tz
         _solve_spd(a, b)
         velocity[slot, 0] += b[0]
@@ -143,6 +147,7 @@ def drag(live, first, members, points, areas, fluid, orientation, velocity, spin
 def _solve_spd(a, b):
     """Solve a x = b in place for a 6x6 symmetric positive definite `a` (lower triangle), by Cholesky's
     factorisation."""
+    # a = L L', column by column
     for j in range(6):
         d = a[j, j]
         for k in range(j):
@@ -154,6 +159,7 @@ def _solve_spd(a, b):
             for k in range(j):
                 s -= a[i, k] * a[j, k]
             a[i, j] = s / d
+    # L y = b, forwards; then L' x = y, backwards
     for i in range(6):
         s = b[i]
         for k in range(i):
@@ -180,6 +186,7 @@ def coast(live, position, orientation, velocity, spin, inertia, step):
         wx, wy, wz = spin[slot]
         bx, by, bz, bw = orientation[slot]
         i0, i1, i2 = inertia[slot]
+        # Euler's equations in the body frame, one explicit step: I0 du0 = (I1 - I2) u1 u2 step, and so on.
         if i0 != i1 or i1 != i2:
             r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_of(bx, by, bz, bw)
             u0 = r00 * wx + r10 * wy + r20 * wz
@@ -193,6 +200,7 @@ def coast(live, position, orientation, velocity, spin, inertia, step):
             wz += r20 * g0 + r21 * g1 + r22 * g2
             spin[slot, 0], spin[slot, 1], spin[slot, 2] = wx, wy, wz
         rate = math.sqrt(wx * wx + wy * wy + wz * wz)
+        # Exponential map: the quaternion (w / |w| sin(|w| step / 2), cos(|w| step / 2)); a series where |w| is small.
         if rate * step > 0.25 * math.pi:
             rate = 0.25 * math.pi / step
         if rate < 0.001:
@@ -200,6 +208,7 @@ def coast(live, position, orientation, velocity, spin, inertia, step):
         else:
             s = math.sin(0.5 * rate * step) / rate
         ax, ay, az, aw = wx * s, wy * s, wz * s, math.cos(0.5 * rate * step)
+        # Product of quaternions, turn * orientation; its rounding is taken out by the norm.
         x = aw * bx + ax * bw + ay * bz - az * by
         y = aw * by - ax * bz + ay * bw + az * bx
         z = aw * bz + ax * by - ay * bx + az * bw

@@ -1,6 +1,7 @@
 """What a run file must hold beyond its checksum, which anybody can compute: entries, types, shapes and ranges.
 
-What reads runs (tables, poses, replay, gauges) takes them as they are; so what would harm it is refused here.
+Readers of runs (tables, poses, replay, tail extrapolation) take them as they are; so what would harm them is refused
+here.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ class _Inputs(_PartlyRead):
 
 
 class RunInputs(_PartlyRead):
-    """What decides a run, as its file tells it: enough to make the run again."""
+    """The inputs of a run as its file holds them: enough to make the run again."""
 
     scene: dict[str, Any]
     rules: str

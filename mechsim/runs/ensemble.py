@@ -20,7 +20,7 @@ TRIES = 3
 
 @dataclass(frozen=True)
 class Quarantined:
-    """A run that was given up, with one reason, in words, for each try.
+    """A run that was given up, with one reason for each try.
 
     >>> from mechsim import Quarantined, RunSpec, Scene
     >>> spec = RunSpec(Scene.load("line4"), {"monomer": 4}, duration=0.1, seed=1, run=0)
@@ -107,7 +107,7 @@ def run_all(
 
 
 class _Driver:
-    """The state of one call: what waits, what came of it. What runs is the session's to know."""
+    """The state of one call: runs that wait, and results. The session knows what is running."""
 
     def __init__(self, specs: dict[str, RunSpec], store: RunStore) -> None:
         self.specs, self.store = specs, store

@@ -47,7 +47,7 @@ class LoadLog:
     def arrays(
         self, channel: Callable[[Structure, tuple[int, int]], int], species: Callable[[Structure], int]
     ) -> dict[str, np.ndarray]:
-        """As a record keeps it, (H,) each, in the order in which the collisions began.
+        """The arrays that a record keeps, (H,) each, in the order in which the collisions began.
 
         channel : of the break of a bond of a structure; species : of a structure
         """

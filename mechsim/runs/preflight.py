@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 from mechsim.runs.record import RunSpec, book_of
 
@@ -14,7 +15,7 @@ def check_starts(specs: Iterable[RunSpec]) -> None:
     """
     from mechsim.world.world import World
 
-    kinds: dict[tuple, RunSpec] = {}
+    kinds: dict[tuple[Any, ...], RunSpec] = {}
     for spec in specs:
         kinds.setdefault((spec.scene.fingerprint, *sorted(spec.composition.items())), spec)
     for spec in kinds.values():

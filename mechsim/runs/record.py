@@ -21,7 +21,7 @@ from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, Ju
 from kinetics.support.config import is_path
 from kinetics.support.settings import validated
 from kinetics.support.stream_keys import words_of
-from mechsim.effects.base import EventKind
+from mechsim.effects.base import EventKind, Stopped
 from mechsim.effects.hits import Hit
 from mechsim.runs.contents import RunInputs, is_trial
 from mechsim.runs.load_log import LoadLog
@@ -311,7 +311,7 @@ class _Watch:
         self.log.add(self.step, self.time, hit)
 
     def break_channel(self, structure: Structure, bond: tuple[int, int]) -> int:
-        """Of the break of this bond (two indices of cubes)."""
+        """The channel of the break of this bond (two indices of cubes)."""
         species = self.derivation.species_of
         parts = self.derivation.book.break_bond(structure, *bond)
         return self.derivation.channel([species(structure)], [species(part) for _, part in parts])
@@ -332,7 +332,7 @@ def execute(
     >>> execute(spec).digest == execute(spec).digest
     True
     """
-    from mechsim.world.world import Stopped, World  # the engine is loaded when a run is made, not when one is read
+    from mechsim.world.world import World  # the engine is loaded when a run is made, not when one is read
 
     book, derivation = book_of(spec.scene.rules)
     watch = _Watch(derivation, spec.composition, spec.until)
@@ -401,5 +401,5 @@ def open_channels(scene: Scene, derivation: Derivation) -> np.ndarray:
 
 
 def kinds(derivation: Derivation) -> list[EventKind]:
-    """What each channel is."""
+    """The kind of each channel."""
     return ["join" if len(event.before) > 1 else "break" for event in derivation.events]

@@ -34,8 +34,8 @@ from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK
 from kinetics.runs.event_tables import NOTES, TableRun, event_tables
 from kinetics.support.output import write_whole
 from mechsim.runs.contents import check_contents, is_trial
+from mechsim.runs.file_locks import lock, set_aside, sync_folder, write_locked
 from mechsim.runs.record import COMPLETED, RunRecord, RunSpec
-from mechsim.runs.turns import lock, set_aside, sync_folder, write_in_turn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -98,7 +98,7 @@ class RunStore:
             for above in (self.folder.parent, *missing):  # else a power failure takes the folder with all its runs
                 with contextlib.suppress(PermissionError):  # one that may be entered and not read
                     sync_folder(above)
-            write_in_turn(marker, expected)
+            write_locked(marker, expected)
         found = marker.read_bytes()[:80]
         if found != expected:
             raise ValueError(
@@ -122,7 +122,7 @@ class RunStore:
     def write(self, record: RunRecord) -> Path:
         """Keep a run; it is on disk before this returns. OSError: names the file, whose old content stays."""
         path = self.path(record.spec)
-        write_in_turn(path, encode(record))
+        write_locked(path, encode(record))
         return path
 
     def read(self, spec: RunSpec) -> RunRecord | None:
@@ -158,7 +158,7 @@ class RunStore:
     def quarantine(self, spec: RunSpec, reasons: Sequence[str]) -> Path:
         """Record why a run was given up, one reason for each try."""
         note = {"title": spec.title, "key": spec.key, "reasons": list(reasons), "inputs": spec.inputs}
-        write_in_turn(self._note(spec), json.dumps(note, indent=1).encode())
+        write_locked(self._note(spec), json.dumps(note, indent=1).encode())
         return self._note(spec)
 
     def absolve(self, spec: RunSpec) -> None:
@@ -233,7 +233,7 @@ class RunStore:
         return self.folder / "quarantine" / f"{spec.key}.json"
 
     def _contents(self, path: Path) -> Contents | None:
-        """What the file holds; None where it is missing, or damaged and now set aside."""
+        """The content of the file; None if it is missing, or damaged and now set aside."""
         try:
             file = path.open("rb")
         except FileNotFoundError:

@@ -72,7 +72,7 @@ def timed(spec: RunSpec) -> PointTrial:
 
 @dataclass(frozen=True)
 class PointCost:
-    """One point's bill. missing : runs not in the store; expected : first time, tu; cpu, most : seconds for them"""
+    """Cost of one point. missing : runs not in the store; expected : first time, tu; cpu, most : seconds for them"""
 
     point: StudyPoint
     missing: int
@@ -83,7 +83,7 @@ class PointCost:
 
 @dataclass(frozen=True)
 class CostPrediction:
-    """What is still to be made, and what that will cost; `most` is where every run goes to the cap."""
+    """Runs still to be made, and their cost; `most` is the cost if every run goes to the cap."""
 
     points: tuple[PointCost, ...]
 

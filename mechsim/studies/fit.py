@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import fdtrc, log_ndtr
+from scipy.stats import binom
 
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import student_interval, student_quantile
@@ -41,8 +43,6 @@ def median(times: Floats) -> Estimate:
 
     inf where the cap hides it; nan for limits that so few runs cannot give (it takes six).
     """
-    from scipy.stats import binom
-
     n = times.size
     if n == 0:
         return Estimate(math.nan, math.nan, math.nan)
@@ -83,8 +83,6 @@ def fit_log(times: Floats, design: Floats, cap: float) -> LogFit:
     In Olsen's (1978) parameters, slopes / scatter and 1 / scatter, the log-likelihood is concave.
     ValueError: too few times were seen, or the columns of the design depend on each other.
     """
-    from scipy.special import log_ndtr
-
     seen = np.isfinite(times)
     n, width = design.shape
     if seen.sum() <= width or np.linalg.matrix_rank(design[seen]) < width:
@@ -133,7 +131,7 @@ def exponents(times: Sequence[Floats], levels: Floats, cap: float) -> tuple[Esti
 
 @dataclass(frozen=True)
 class Share:
-    """What leaving out some factors' effect costs the fit.
+    """Loss of fit when the effect of some factors is left out.
 
     f, freedom, rest : variance ratio, its degrees of freedom and those of the scatter
     spread : standard deviation of a factor's effect over the points, in log time; nan for an interaction
@@ -185,8 +183,6 @@ def power(x: Floats, y: Floats) -> Estimate:
 
 def _test(smaller: LogFit, larger: LogFit) -> tuple[float, int, int, float]:
     """F test of the coefficients that only the larger model has: ratio, degrees of freedom, p-value."""
-    from scipy.special import fdtrc
-
     seen = larger.freedom + larger.slopes.size
     freedom = larger.slopes.size - smaller.slopes.size
     won = max(2 * (larger.log_likelihood - smaller.log_likelihood), 0.0)
@@ -202,4 +198,5 @@ def _rows(times: Sequence[Floats], design: Floats) -> tuple[Floats, Floats]:
 
 def _classes(levels: Floats) -> Floats:
     """Indicators (points, levels - 1) of all levels but the first."""
-    return (levels[:, None] == np.unique(levels)[None, 1:]).astype(float)
+    indicators: Floats = (levels[:, None] == np.unique(levels)[None, 1:]).astype(float)
+    return indicators

@@ -97,7 +97,7 @@ def _box(ax: Axes, times: Floats, cap: float, paper: float, place: float, shade:
 
 
 def _shades(name: str, firsts: Sequence[float]) -> list[Patch | Line2D]:
-    """Of the first factor's levels, for the legend."""
+    """Shades of the first factor's levels, for the legend."""
     from matplotlib.patches import Patch
 
     return [Patch(facecolor=colour(i), alpha=0.35, label=f"{name} {level:g}") for i, level in enumerate(firsts)]

@@ -29,7 +29,7 @@ NUMBER = "number"  # the one setting that is not the scene's: cubes in the tank
 
 
 class Factor(Settings):
-    """What is varied, and the levels it takes.
+    """A setting that is varied, and the levels it takes.
 
     name : short, for tables and for `--points`; label : with its unit, for axes
     setting : `number`, or where it stands in the scene: `cubes.edge`, `agitation.sigma` (an effect's); left out: the
@@ -232,7 +232,7 @@ class _Places:
 def _power(level: float, own: float, power: float, name: str) -> float:
     """(level / own) ** power. ValueError where that is no number that a double can hold."""
     try:
-        return (level / own) ** power
+        return float((level / own) ** power)
     except (OverflowError, ZeroDivisionError):
         raise ValueError(
             f"factor {name}: ({level:g} / {own:g}) to the power {power:g} is no number; take other levels"

@@ -12,11 +12,13 @@ import numpy as np
 
 from kinetics.support.arrays import Floats
 from kinetics.support.output import write_whole
+from kinetics.support.plots import save
 from kinetics.support.shown import on_axes
 from kinetics.support.tables import columns, csv_text, rounded
 from mechsim.runs.record import RunRecord
 from mechsim.studies.cost import PointTrial
 from mechsim.studies.fit import Estimate, Share, exponents, mean, median, power, ranking
+from mechsim.studies.plots import boxes
 from mechsim.studies.study import Study, StudyPoint
 
 if TYPE_CHECKING:
@@ -48,7 +50,7 @@ class PointResult:
 
     @property
     def mean(self) -> Estimate:
-        """Of min(time, cap), tu."""
+        """Mean of min(time, cap), tu."""
         return mean(self.times, self.cap)
 
     @property
@@ -110,8 +112,6 @@ class StudyResult:
 
     def save(self, folder: Path) -> tuple[Path, ...]:
         """The tables as CSV files and the box plots as SVG, named after the study, each whole or not at all."""
-        from kinetics.support.plots import save
-
         written = []
         for name, rows in self.tables().items():
             path = folder / f"{self.study.name}_{name}.csv"
@@ -127,8 +127,6 @@ class StudyResult:
     @on_axes
     def plot(self, ax: Axes) -> Axes:
         """Box plots, as the paper's Figs. 4 and 5; returns `ax`."""
-        from mechsim.studies.plots import boxes
-
         first, found = self.study.factors[0], self.points
         boxes(
             ax,
@@ -264,7 +262,7 @@ def _exponents(study: Study, found: Sequence[PointResult]) -> tuple[Exponent, ..
 
 
 def _values(study: Study, i: int, found: Sequence[PointResult]) -> Floats:
-    """What a factor is fitted against: its level, or the mean speed measured at that level."""
+    """Values that a factor is fitted against: its levels, or the mean speeds measured at those levels."""
     levels = np.array([each.point.levels[i] for each in found])
     if not study.factors[i].is_speed:
         return levels

@@ -71,7 +71,8 @@ def quaternion_of(matrix: np.ndarray) -> np.ndarray:
         ]
     )
     q = columns[pick]
-    return q / np.sqrt(q @ q)
+    unit: np.ndarray = q / np.sqrt(q @ q)
+    return unit
 
 
 class Bodies:
@@ -125,7 +126,8 @@ class Bodies:
 
     def lattice(self, slot: int) -> np.ndarray:
         """Rotation (3, 3) from the structure's lattice frame to the world."""
-        return matrix_of(self.orientation[slot]) @ self.shape(slot).frame.T
+        rotation: np.ndarray = matrix_of(self.orientation[slot]) @ self.shape(slot).frame.T
+        return rotation
 
     def fill(self, slot: int, structure: Structure, members: tuple[int, ...], time: float = 0.0) -> None:
         """Put a structure into a slot: mass, inertia and the cubes' places in it; its pose and motion are the
@@ -174,7 +176,8 @@ class Bodies:
     def world_inertia(self, slot: int) -> np.ndarray:
         """Inertia tensor (3, 3) about the centre of mass in the world frame."""
         r = matrix_of(self.orientation[slot])
-        return (r * self.inertia[slot]) @ r.T
+        tensor: np.ndarray = (r * self.inertia[slot]) @ r.T  # R diag(principal moments) R'
+        return tensor
 
     def momentum(self) -> tuple[np.ndarray, np.ndarray]:
         """Total linear momentum and angular momentum about the origin."""

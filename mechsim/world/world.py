@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import chain
+from typing import Any
 
 import numpy as np
 
@@ -266,7 +267,9 @@ class World:
                 f"{TROUBLES[code]}: {b.title(slot)} at {self.time:.4f} tu, speed {speed:.3g}, spin {spin:.3g}"
             )
 
-    def _create(self, slot: int, structure: Structure, members: tuple[int, ...], motion: tuple | None = None) -> None:
+    def _create(
+        self, slot: int, structure: Structure, members: tuple[int, ...], motion: tuple[Any, ...] | None = None
+    ) -> None:
         b = self.bodies
         b.fill(slot, structure, members, self.time)
         self.engine.create(slot)

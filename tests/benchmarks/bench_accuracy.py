@@ -24,11 +24,11 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 
-from kinetics import Auto, FiniteStateProjection, Transient, predict, simulate_statistics
-from kinetics.predicting.enough_runs import RunsUntil
-from kinetics.predicting.looks import normals
-from kinetics.predicting.reaching import AskedCounts
-from kinetics.predicting.solved_errors import error_reached, largest_counts, tolerance_for
+from kinetics import Auto, FiniteStateProjection, Model, Transient, predict, simulate_statistics
+from kinetics.predicting.job import Job
+from kinetics.predicting.sampled_way import RunsUntil
+from kinetics.predicting.solved_ways import error_reached, largest_counts, tolerance_for
+from kinetics.predicting.stopping_rule import normals
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 from accuracy_questions import Asked, question, share_of_accuracy
@@ -41,7 +41,7 @@ PATIENCE = 2.0  # s allowed to a solution
 CLASSES = (0.1, 0.01, 0.005, 0.002)  # s; questions by the cost of their best choice, for the table
 NOTABLE = 0.1  # s; below, starting anything is what costs
 AGAIN = 3
-BUDGET = 1.0  # s, of a prediction; questions that are foretold to cost more are refused, and passed over
+BUDGET = 1.0  # s, of a prediction; questions that are forecast to cost more are refused, and passed over
 
 
 class Row(NamedTuple):
@@ -70,7 +70,7 @@ def timed(work: Callable[[], Any]) -> tuple[Any, float]:
 
 
 def least(number: int, work: Callable[[Asked], Any]) -> tuple[Any, float]:
-    """The same of the quickest time: what is kept with a network by one choice, the next must not have for nothing."""
+    """The result of a question, made anew each time so that no choice profits from another, and its least CPU time."""
     cost = inf
     for _ in range(AGAIN):
         normals.cache_clear()
@@ -121,10 +121,10 @@ def hindsight(number: int) -> tuple[dict[str, float], Any]:
 def needed(asked: Asked) -> int:
     """The fixed number of runs that keep the accuracy, from what `PROBED` other runs say of variances."""
     _, network, start, times, accuracy = asked
-    known = AskedCounts(network, network.state(start), times).is_known
-    runs = RunsUntil(accuracy, network, Auto().source(network, start, 78), times, known, 78, 1, lambda _: None)
+    job = Job(Model(network, start), times, seed=78, threads=1)
+    runs = RunsUntil(job, accuracy, Auto().source(network, start, 78))
     if accuracy.of == "distribution":
-        return int(runs.foretell())
+        return int(runs.forecast())
     return max(16, int(runs.fixed_from(PROBED)))
 
 

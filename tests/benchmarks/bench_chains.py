@@ -110,7 +110,7 @@ def ours(chain: Chain, question: str, time_asked: float) -> Answer:
             passage = chain.passage("target")
             return _answered(passage.mean, passage.error, passage.is_bound, began)
         if question == "S":
-            found = chain.in_the_end("bad")
+            found = chain.steady_state("bad")
         elif question == "U":
             found = chain.until("target", "not bad")
         else:

@@ -18,7 +18,7 @@ import numpy as np
 import pybullet
 
 from kinetics.support.tables import text_table
-from mechsim.inspection.bill import bill
+from mechsim.inspection.cost_profile import cost_profile
 from mechsim.runs.record import book_of
 from mechsim.scene import Scene
 from mechsim.world.world import World
@@ -58,7 +58,7 @@ def cost(step: Callable[[], None], n: int = STRETCH) -> float:
 
 def parts(world: World) -> dict[str, float]:
     """Share of a step's CPU time in each part."""
-    told = bill(world, "")
+    told = cost_profile(world, "")
     return {item.name: item.cost / told.whole for item in told.items}
 
 

@@ -37,7 +37,7 @@ REFERENCE = [sys.executable, "-c", "import numpy"]
 LINE = "line4 --rates table3 --cubes 60"
 COMMANDS = {
     "--help": 0.5,
-    "derive line4": 2.0,
+    "rules derive line4": 2.0,
     f"predict {LINE} --method ssa --runs 1000": 2.0,
     f"predict {LINE} --method exact": 4.0,
     f"passage {LINE} --species quadmer": 4.0,

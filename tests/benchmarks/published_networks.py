@@ -14,7 +14,7 @@ from itertools import combinations_with_replacement, product
 
 import numpy as np
 
-from kinetics.formats.model import NetworkModel
+from kinetics.formats.base import Model
 from kinetics.network import Network
 from kinetics.network.network import Reaction
 
@@ -22,7 +22,7 @@ Sites = tuple[str, ...]
 STATES = FREE, PHOSPHORYLATED, BOUND = "Y", "pY", "A"
 
 
-def multistate(n_sites: int, copies: int = 1000) -> tuple[NetworkModel, float]:
+def multistate(n_sites: int, copies: int = 1000) -> tuple[Model, float]:
     """2**n species, n * 2**n channels: every site of every state flips."""
     states = ["".join(bits) for bits in product("01", repeat=n_sites)]
     reactions: dict[str, Reaction] = {}
@@ -35,14 +35,14 @@ def multistate(n_sites: int, copies: int = 1000) -> tuple[NetworkModel, float]:
     network = Network.from_reactions(reactions, rates, species=[_molecule(state) for state in states])
     initial = np.zeros(len(states), dtype=np.int64)
     initial[0] = copies
-    return NetworkModel(network, initial, {"first_on": {_molecule(s): 1.0 for s in states if s[0] == "1"}}), 20.0
+    return Model(network, initial, {"first_on": {_molecule(s): 1.0 for s in states if s[0] == "1"}}), 20.0
 
 
 def _molecule(state: str) -> str:
     return f"M({','.join(f's{i}~{bit}' for i, bit in enumerate(state))})"
 
 
-def receptor(n_sites: int, receptors: int = 2000) -> tuple[NetworkModel, float]:
+def receptor(n_sites: int, receptors: int = 2000) -> tuple[Model, float]:
     """Monomers with and without ligand, and dimers of those with; sites are phosphorylated in dimers and bind."""
     sites = list(product(STATES, repeat=n_sites))
     reactions: dict[str, Reaction] = {}
@@ -82,7 +82,7 @@ def receptor(n_sites: int, receptors: int = 2000) -> tuple[NetworkModel, float]:
     network = Network.from_reactions(reactions, rates, species=names)
     start = {_monomer((FREE,) * n_sites, "l"): receptors, "L(r)": 2 * receptors, "A(d)": receptors}
     dimers = {name: 1.0 for name in names if name.count("R(") == 2}
-    return NetworkModel(network, network.state(start), {"dimers": dimers}), 10.0
+    return Model(network, network.state(start), {"dimers": dimers}), 10.0
 
 
 def _with(state: Sites, i: int, new: str) -> Sites:

@@ -34,7 +34,7 @@ def polymer(longest: int = 100, monomers: int = 5000) -> Workload:
     rows = np.concatenate([joins, joins, breaks])
     rates = np.where(np.arange(shape[0]) < len(pairs), 1e-3, 0.1)
     names = [f"{i}+{j}" for i, j in pairs] + [f"{i}|{j}" for i, j in pairs]
-    net = Network.from_sparse(
+    net = Network(
         [f"chain{i}" for i in range(1, longest + 1)],
         names,
         SparseTable.of_entries(shape, rows, columns, np.concatenate([ones, ones, ones])),
@@ -71,7 +71,7 @@ def tanks_in_a_row(n_tanks: int, monomers: int = 60, hops: float = 0.5, pace: fl
     shape = (n_tanks * len(line.channels) + hop.size, n_tanks * size)
     needed = [np.concatenate(p) for p in zip(repeated(line.sparse_reactants), (hop, sources, ones), strict=True)]
     gained = zip(repeated(line.sparse_stoichiometry), (hop, sources, -ones), (hop, targets, ones), strict=True)
-    net = Network.from_sparse(
+    net = Network(
         [f"{name}@{i}" for i in tank for name in line.species],
         [f"{name}@{i}" for i in tank for name in line.channels]
         + [f"{a}>{b}" for a, b in zip(sources, targets, strict=True)],

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from handling import run
 
-import mechsim.inspection.bill as bills
+import mechsim.inspection.cost_profile as profiles
 from kinetics.assembly import RuleBook, derive
 from kinetics.support.settings import described, validated
 from mechsim.effects import EFFECTS
@@ -309,10 +309,10 @@ def test_it_acts_through_hooks_that_the_step_runs(kind, world_of):
 def test_the_bill_lists_it(kind, world_of, monkeypatch):
     """By a clock that only counts, so that nothing depends on the machine."""
     ticks = iter(range(0, 10**9, 1000))
-    monkeypatch.setattr(bills, "_breaks", int)
+    monkeypatch.setattr(profiles, "_breaks", int)
     scene = scene_with(kind)
-    bill = bills.bill(world_of(scene), "contract", blocks=8, warm_up=1, clock=lambda: next(ticks))
-    listed = [item.name for item in bill.items if item.kind.startswith("effect")]
+    profile = profiles.cost_profile(world_of(scene), "contract", blocks=8, warm_up=1, clock=lambda: next(ticks))
+    listed = [item.name for item in profile.items if item.kind.startswith("effect")]
     assert listed == [effect.effect for effect in scene.effects]
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from kinetics.assembly import RuleBook, derive
 from kinetics.support.extras import EXTRAS
-from mechsim.inspection.bill import _damping
+from mechsim.inspection.cost_profile import _damping
 from mechsim.runs.ensemble import run_all
 from mechsim.runs.record import RunSpec, execute
 from mechsim.runs.store import RunStore, digest_of
@@ -116,7 +116,7 @@ def test_runs_by_two_versions_of_it_have_two_names(entry, monkeypatch):
 
 def test_the_first_version_of_an_engine_is_not_told():
     """Runs by the first engine keep the key that they had before there were versions; our own has changed."""
-    assert {entry.name: entry.version for entry in ENGINES} == {"pybullet": 1, "near": 1, "own": 2}
+    assert {entry.name: entry.version for entry in ENGINES} == {"pybullet": 1, "own": 2}
 
 
 def test_scenes_keep_the_name_that_they_had_before_there_were_engines():

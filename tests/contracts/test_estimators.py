@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from scipy.stats import chi2
 from synthetic_models import drawn_path, known_parameters, pair_network, slow_log_likelihood, standing
 
-from calibration import RATE_MODELS, fit_rates, rate_model
+from calibration import RATE_MODELS, fit_rates
 from kinetics.runs import RESTART, JumpPath
 
 NETWORK = pair_network()
@@ -63,7 +63,6 @@ def quick(fit, parameters):
 
 
 def test_is_named_and_says_what_it_claims(model):
-    assert rate_model(model.name) == model
     assert [each.name for each in RATE_MODELS].count(model.name) == 1
     assert len(type(model).__doc__) > 80
     assert len(set(model.terms) | {p.name for p in model.shape}) == len(model.terms) + len(model.shape)
@@ -286,8 +285,3 @@ def test_refuses_what_cannot_be_fitted(fitted):
     for call, message in cases:
         with pytest.raises(ValueError, match=message):
             call()
-
-
-def test_an_unknown_model_is_refused_by_name():
-    with pytest.raises(ValueError, match="unknown model of rates 'second-order'; expected one of mass-action"):
-        rate_model("second-order")

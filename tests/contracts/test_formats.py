@@ -8,7 +8,8 @@ import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose, assert_array_equal
 
-from kinetics.formats import FORMATS, SUFFIXES, WRITTEN, NetworkModel, read, write
+from kinetics import Model
+from kinetics.formats import FORMATS, SUFFIXES, WRITTEN, read, write
 from kinetics.network import Network
 from kinetics.network.laws import Event
 from kinetics.network.sparse_tables import SparseTable
@@ -55,7 +56,7 @@ def model_of(network, copies=9):
     """With counts and observables that differ from species to species."""
     n = len(network.species)
     sums = {"sum": dict.fromkeys(network.species, 1.0), "some": {network.species[-1]: 2.5}, "none": {}}
-    return NetworkModel(network, np.arange(n) + copies, sums)
+    return Model(network, np.arange(n) + copies, sums)
 
 
 def assert_same(again, model):
@@ -152,10 +153,10 @@ def assert_kept_or_refused(kind, model, folder):
 @WRITES
 def test_large_counts_and_extreme_rates_come_back(kind, tmp_path):
     network = KEPT["mass action"]().with_rates([4.9e-300, 1.7e300])
-    model = NetworkModel(network, [10**14 + 1, 0])
+    model = Model(network, [10**14 + 1, 0])
     assert_same(through(kind, model, tmp_path), model)
     for count in (10**15 + 1, 2**53 + 1, 2**63 - 1):
-        assert_kept_or_refused(kind, NetworkModel(network, [0, count]), tmp_path / str(count))
+        assert_kept_or_refused(kind, Model(network, [0, count]), tmp_path / str(count))
 
 
 @WRITES
@@ -200,7 +201,7 @@ def test_large_networks_need_no_dense_table(kind, tmp_path, monkeypatch):
         raise AssertionError(f"a dense table of {table.shape}")
 
     monkeypatch.setattr(SparseTable, "dense", refuse)
-    again = through(kind, NetworkModel(network, np.arange(n)), tmp_path)
+    again = through(kind, Model(network, np.arange(n)), tmp_path)
     assert_array_equal(again.initial, np.arange(n))
     assert_allclose(again.network.propensities(np.ones(n)), np.arange(n) + 0.5, rtol=1e-15)
 
@@ -234,11 +235,11 @@ def test_a_damaged_file_is_refused_by_name(kind, tmp_path):
 @WRITES
 def test_the_commands_know_it(kind, tmp_path):
     run = CliRunner().invoke
-    assert all(suffix in run(main, ["derive", "--help"]).output for suffix in kind.suffixes)
+    assert all(suffix in run(main, ["rules", "derive", "--help"]).output for suffix in kind.suffixes)
     path = str(tmp_path / f"model{kind.suffixes[-1]}")
     write(model_of(KEPT["mass action"](), copies=3), path)
-    assert "2 A -> B" in run(main, ["derive", path]).output
-    done = run(main, ["derive", path, "--out", str(tmp_path / f"other{kind.suffixes[0]}")])
+    assert "2 A -> B" in run(main, ["rules", "derive", path]).output
+    done = run(main, ["rules", "derive", path, "--out", str(tmp_path / f"other{kind.suffixes[0]}")])
     assert "2 species and 2 channels are in" in done.output
 
 
@@ -271,8 +272,8 @@ def test_other_files_are_refused_with_all_suffixes(tmp_path):
 def test_a_model_has_rates_counts_and_observables_of_its_own_species():
     network = KEPT["mass action"]()
     with pytest.raises(ValueError, match="no rate constants yet"):
-        NetworkModel(Network.from_reactions(PAIR), [1, 1])
+        write(Model(Network.from_reactions(PAIR), [1, 1]), f"model{WRITTEN[0]}")
     with pytest.raises(ValueError, match="state has shape"):
-        NetworkModel(network, [1])
+        Model(network, [1])
     with pytest.raises(ValueError, match="observable 'sum' counts 'C', which is not a species"):
-        NetworkModel(network, [1, 1], {"sum": {"C": 1.0}})
+        Model(network, [1, 1], {"sum": {"C": 1.0}})

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from kinetics import Chain, Reward
-from kinetics.formats import FORMATS, NetworkModel, read, write
+from kinetics import Chain, Model, Reward
+from kinetics.formats import FORMATS, read, write
 from kinetics.markov import prism_text, read_explicit, write_explicit
 from kinetics.markov.prism_model import TAKEN, prism_names
 from kinetics.network import Network
@@ -146,7 +146,7 @@ def model_of(part):
     }
     network = Network.from_reactions(reactions, np.arange(n) / 7 + 0.1, names)
     sums = {name: {ring[i]: 1.0, ring[i + 3]: 2.5} for i, name in enumerate(names)}
-    return NetworkModel(network, np.arange(n) + 2, sums)
+    return Model(network, np.arange(n) + 2, sums)
 
 
 def assert_alike(again, model):
@@ -206,7 +206,7 @@ def test_hostile_names_of_parameters_come_back(part, tmp_path):
 @PART
 def test_hostile_names_in_a_prism_model_are_identifiers(part):
     model = model_of(part)
-    text = prism_text(model.network, model.initial, model.initial + 5, model.observables)
+    text = prism_text(model, model.initial + 5)
     variables = re.findall(r"^  (\S+) : \[", text, re.MULTILINE)
     rewards = re.findall(r'^rewards "(.*)"$', text, re.MULTILINE)
     for names in (variables, rewards):
@@ -249,7 +249,7 @@ def test_a_formula_reads_back_whatever_its_names():
 @pytest.mark.parametrize("name", ["a\x1bb", "a\u202eb", "a\nb", "a\ud800b"], ids=ascii)
 def test_a_name_that_no_reader_takes_is_not_written(kind, name, tmp_path):
     """Or is spelled otherwise: never is there a file that cannot be read."""
-    model = NetworkModel(Network.from_reactions({"r": ({name: 1}, {})}, [1.0]), [3])
+    model = Model(Network.from_reactions({"r": ({name: 1}, {})}, [1.0]), [3])
     path = tmp_path / f"m{kind.suffixes[0]}"
     try:
         write(model, path)

@@ -13,9 +13,10 @@ from sampled_networks import ENZYME, MIXED, PRODUCTS, THIRD_ORDER, ring
 from scipy.linalg import expm
 from scipy.stats import binom, poisson
 
-from kinetics import Transient
-from kinetics.network import Network
+from kinetics import Transient, first_passage
+from kinetics.network import Model, Network
 from kinetics.network.laws import Event, hill
+from kinetics.network.predicates import Condition
 from kinetics.runs import TruncatedRunsError
 from kinetics.sampling import SAMPLING_METHODS
 from kinetics.sampling.base import SamplingMethod
@@ -176,6 +177,83 @@ def test_a_run_is_the_same_however_it_is_asked_for(method, net):
     assert np.any(method.simulate(net, initial, times, runs=40, seed=28).counts != whole)
 
 
+def first_held(condition, path):
+    """When a condition first holds on a path; nan where it does not."""
+    held = np.append(0.0, path.times)[condition.holds(path.states)]
+    return held[0] if held.size else np.nan
+
+
+CONDITIONS = {
+    "line": (QUICK_LINE, 3.0, "quadmer >= 2"),
+    "line, all joined": (QUICK_LINE, 3.0, "!(monomer / 4 + 0.5 * dimer > 9.5) & trimer != 1 | tetra >= 9"),
+    "line, no sums": (QUICK_LINE, 3.0, "dimer * trimer >= 6 & max(dimer, tetra) > 3"),
+    "ring": (ring(40), 3.0, "tetra == 2"),
+    "wave": (WAVE, 3.0, "X >= 12"),
+    "events": (DOSED, 2.0, "X >= 13"),
+}
+SUMS = {"tetra": {"quadmer": 4, "trimer": 3}}
+
+
+@named
+@pytest.mark.parametrize("case", CONDITIONS)
+def test_a_run_ends_where_a_condition_first_holds(method, case):
+    """With the events until then of the run that goes on; runs in which it never holds are censored."""
+    net, end, text = CONDITIONS[case]
+    initial = np.zeros(len(net.species), dtype=int)
+    initial[0] = 3 if net is DOSED else 40
+    condition = Condition(text, Model(net, initial, SUMS if net is QUICK_LINE else {"tetra": {net.species[-1]: 1}}))
+    if refused(method, net) or not method.takes_until:
+        return
+    found = method.simulate(net, initial, end, runs=40, seed=27, until=condition)
+    again = method.simulate(net, initial, end, runs=12, seed=27, threads=1, first_run=9, until=condition)
+    assert_array_equal(again.times, found.times[9:21])
+    assert (found.observed[~found.is_reached] == end).all()
+    assert_array_equal(condition.holds(found.counts), found.is_reached)
+    if net.events:
+        assert_array_equal(found.times, 1.0)
+        return
+    paths = [method.sample_path(net, initial, end, seed=27, run=run) for run in range(40)]
+    assert_array_equal(found.times, [first_held(condition, path) for path in paths])
+    assert found.is_reached.any()
+    for run in (0, 39):
+        ended = method.sample_path(net, initial, end, seed=27, run=run, until=condition)
+        assert ended.end == found.observed[run]
+        assert_array_equal(ended.times, paths[run].times[: ended.times.size])
+        assert_array_equal(ended.states[-1], found.counts[run])
+
+
+@named
+def test_first_times_have_the_law_of_the_passage(method):
+    net, initial = network(("A", "B"), {"pair": ((2, 0), (0, 1)), "back": ((0, 1), (2, 0))}, [0.1, 1.0]), [20, 0]
+    if not method.takes_until:
+        with pytest.raises(ValueError, match=rf"the method '{method.name}' takes no condition .*: use 'auto'"):
+            method.simulate(net, initial, np.inf, until="B >= 6")
+        return
+    found = method.simulate(net, initial, np.inf, runs=4000, seed=11, until="B >= 6")
+    assert found.censored == 0
+    assert_follows_cdf(found.times, first_passage(net, initial, "B", 6).cdf)
+    with pytest.raises(AssertionError, match="the laws differ"):  # a back rate a third too large is seen
+        assert_follows_cdf(found.times, first_passage(net.with_rates([0.1, 4 / 3]), initial, "B", 6).cdf)
+
+
+@named
+def test_conditions_at_the_start_never_and_wrong_ones(method):
+    if not method.takes_until:
+        return
+    there = method.simulate(decay(), [3], 5.0, runs=4, until=f"{decay().species[0]} >= 3")
+    assert (there.times == 0).all()
+    assert (there.counts == 3).all()
+    never = method.simulate(decay(), [3], np.inf, runs=4, until=f"{decay().species[0]} >= 4")
+    assert (never.censored, never.mean, never.median) == (4, np.inf, np.inf)
+    for wrong, message in (
+        ("Z >= 1", "unknown name 'Z'"),
+        ("1 + 1", "neither true nor false"),
+        ("t > 3", "the time t"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            method.simulate(decay(), [3], 5.0, until=wrong)
+
+
 @named
 def test_what_is_conserved_stays(method):
     for net, initial, weights in ((QUICK_LINE, [40, 0, 0, 0], [1, 2, 3, 4]), (switch(), [12, 0], [1, 1])):
@@ -248,7 +326,7 @@ def test_bad_input_is_refused(method):
 def test_limits_are_where_the_traits_say(method):
     """A network at a limit is taken, and one beyond it is refused with both numbers."""
     size, net = NetworkSize(1, 1, 1, 1.0, 1), decay()
-    for trait, field in (("most_species", "n_species"), ("most_channels", "n_channels")):
+    for trait, field in (("max_species", "n_species"), ("max_channels", "n_channels")):
         most = getattr(method, trait)
         if most < np.inf:
             at, beyond = (NetworkSize(**(vars(size) | {field: most + more})) for more in (0, 1))

@@ -31,7 +31,7 @@ def _written_in_place() -> None:
         finally:
             os.close(descriptor)
 
-    store.write_in_turn = write
+    store.write_locked = write
 
 
 def _never_synced() -> None:
@@ -60,7 +60,7 @@ def _renamed_before_it_is_synced() -> None:
         os.close(descriptor)
         turns.sync_folder(path.parent)
 
-    store.write_in_turn = write
+    store.write_locked = write
 
 
 def _everybody_may_claim() -> None:

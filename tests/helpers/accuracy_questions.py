@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinetics import Auto, Network, Rates
+from kinetics import Auto, Model, Network, Rates
 from kinetics.assembly import RuleBook, derive
 from kinetics.markov.transient import Distribution
 from kinetics.predicting import AskedAccuracy
-from kinetics.predicting.enough_runs import RunsUntil, Sampled
-from kinetics.predicting.reaching import AskedCounts
-from kinetics.predicting.run_cost import first_runs
-from kinetics.predicting.scouts import send_scouts
+from kinetics.predicting.first_runs import first_runs
+from kinetics.predicting.forced_firings import force_firings
+from kinetics.predicting.job import Job
+from kinetics.predicting.sampled_way import RunsUntil
 from kinetics.runs import EnsembleStatistics
 
 SIZES = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
@@ -29,6 +29,13 @@ class Asked(NamedTuple):
     start: np.ndarray
     times: np.ndarray
     accuracy: AskedAccuracy
+
+
+class Sampled(NamedTuple):
+    """Statistics of runs, and the bound on their error in the unit of the accuracy."""
+
+    statistics: EnsembleStatistics
+    error: float
 
 
 def question(seed: int) -> Asked:
@@ -129,18 +136,18 @@ def cumulative(found: EnsembleStatistics | Distribution, s: int, points: int = 4
 
 def sampled(
     asked: AskedAccuracy, network: Network, start: object, times: np.ndarray, seed: int, most: int = 10**9,
-    with_scouts: bool = True, **options: Any,
+    with_forced: bool = True, **options: Any,
 ) -> Sampled:  # fmt: skip
     """Runs until they are enough, whatever else would be cheaper; options : of `RunsUntil`."""
-    state = network.state(start)
-    known = AskedCounts(network, state, times).is_known
-    method = Auto().choose(network, state)
-    source = method.source(network, state, seed)
-    first = first_runs(network, method, source, times, known.size, np.inf)
-    scouting = partial(send_scouts, network, source, first.seen, times, 32, seed)
+    job = Job(Model(network, start), times, seed=seed, threads=1)
+    method = Auto().choose(network, job.model.initial)
+    source = method.source(network, job.model.initial, seed)
+    first = first_runs(network, method, source, times, job.is_known.size, np.inf)
+    forcing = partial(force_firings, network, source, first.seen, times, 32, seed)
     runs = RunsUntil(
-        asked, network, source, times, known, seed, 1, lambda _: None, first.seconds, first.counts,
-        scouting=scouting if with_scouts else lambda *_: None, **options,
+        job, asked, source, run_seconds=first.seconds, first=first.counts,
+        forcing=forcing if with_forced else lambda *_: None, **options,
     )  # fmt: skip
-    runs.foretell()
-    return runs.finish(most)
+    runs.forecast()
+    made = runs.finish(most)
+    return Sampled(made.result, made.error)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from click.testing import CliRunner
-from json_outputs import command_at, see
+from json_outputs import command_of, see
 
 COMMAND = Path(sys.executable).with_name("wellmixed")
 
@@ -34,8 +34,7 @@ def run(*arguments, cwd):
     command = [str(COMMAND), *map(str, arguments)]
     done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
     if "--json" in command and done.stdout.startswith("{"):
-        words = " ".join(command[1:3])
-        see(command_at(words) or command_at(command[1]), json.loads(done.stdout))
+        see(command_of(arguments), json.loads(done.stdout))
     return Done(done.returncode, done.stdout, done.stderr)
 
 

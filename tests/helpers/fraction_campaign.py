@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -44,7 +45,7 @@ def answers(rates):
     """Of each question: the limits, the exact value, and what LU in doubles gives."""
     n = len(rates)
     given = rates.tolist()
-    begins = Chain(rates, initial=0).with_rewards({"time": np.ones(n)})
+    begins = replace(Chain(rates, initial=0), rewards={"time": np.ones(n)})
     ends = np.arange(n) >= n - 2
     for right, asked in (
         ([row[-1] for row in given[:-2]], begins.until(np.arange(n) == n - 1)),
@@ -56,7 +57,7 @@ def answers(rates):
     back[-2:, :2] = 10.0 ** np.array([[3.0, -3.0], [-3.0, 3.0]])
     shares = solved(*balance(back.tolist(), Fraction))
     plain = np.linalg.solve(*map(np.array, balance(back.tolist(), float)))
-    yield Chain(back, initial=0).in_the_end(np.arange(n) == 1), shares[1], float(plain[1])
+    yield Chain(back, initial=0).steady_state(np.arange(n) == 1), shares[1], float(plain[1])
 
 
 def balance(rates, number):

@@ -25,10 +25,10 @@ Schema = dict[str, Any]
 # By the ends of their paths: objects whose keys are data, such as names of species; objects that may have more keys.
 MAPS = (
     *("/initial", "/conserved", "/shape", "/slopes", "mechanics/reference", "/floor", "/composition", "/versions"),
-    *("runs/final", "runs/events", "tanks/events", "/paper_estimator", "/quantiles", "/sensitivity_quantiles"),
+    *("runs/final", "runs/events", "tanks/events", "/quantiles", "/sensitivity_quantiles"),
     *("grow/series", "/curves", "rates/classes", "/pathways", "/refusals", "/refused", "/plans"),
 )
-OPEN = ("/evidence", "study/points", "study/times", "/request")
+OPEN = ("/evidence", "first-times/points", "first-times/times", "/request")
 
 
 def schema_of(value: Any, path: str) -> Schema:
@@ -73,11 +73,17 @@ def _merged(one: Schema, other: Schema) -> Schema:
 
 def command_at(path: str) -> str:
     """The command that click knows under this path, whatever a test calls the program; "" for one of a test's own."""
-    from kinetics.commands import COMMANDS as RULES
-    from wellmixed import ACCURACY, COMMANDS
+    from wellmixed import COMMANDS
 
-    known = [*COMMANDS, *(f"accuracy {name}" for name in ACCURACY), *(f"rules {name}" for name in RULES)]
-    return next((name for name in known if f" {path}".endswith(f" {name}") or name.endswith(f" {path}")), "")
+    return next((name for name in COMMANDS if f" {path}".endswith(f" {name}") or name.endswith(f" {path}")), "")
+
+
+def command_of(call: Iterable[Any]) -> str:
+    """The command that these words call, without its arguments; "" if they call none."""
+    from wellmixed import COMMANDS
+
+    words = f"{' '.join(map(str, call))} "
+    return next((name for name in COMMANDS if words.startswith(f"{name} ")), "")
 
 
 def schema_of_command(command: str, outputs: Iterable[Any]) -> Schema:

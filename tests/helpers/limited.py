@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 MEMORY = 300 * 2**20  # beyond what the process has at its start
+CONTROL_SECONDS = 1
 SECONDS = 10  # of processor time: what needs 1 s here may need more on a busy machine; bombs need minutes or years
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -64,10 +65,10 @@ def use(path):
 
 
 def _use_text(kind, text):
-    from kinetics.markov.predicates import StateNames
     from kinetics.markov.queries import parse
     from kinetics.network.laws import Expression
     from kinetics.network.laws.program import evaluate, steps_of
+    from kinetics.network.predicates import StateNames
 
     if kind == ".query":
         parse(text)
@@ -96,7 +97,7 @@ def _store():
 
 
 def _use_run(path):
-    """Its tables, as `wellmixed export` reads them, and its path. Its name is WHAT.KEY.run or KEY.run."""
+    """Its tables, as `wellmixed runs export` reads them, and its path. Its name is WHAT.KEY.run or KEY.run."""
     from mechsim.inspection.poses import record_at
 
     store = _store()
@@ -122,7 +123,8 @@ def _limited(path):
     if not child:
         size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (size + MEMORY, size + MEMORY))
-        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+        seconds = CONTROL_SECONDS if path.suffix == ".control" else SECONDS
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         try:
             use(path)

@@ -1,9 +1,10 @@
 """Books whose figures tests of rankings know."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
+from kinetics import Model
 from kinetics.assembly import RuleBook, Structure, derive
-from kinetics.predicting.ranking.yield_and_first_time import Question
 from kinetics.rates import ClassRates, Rates
 
 LINE4, PAIRS = RuleBook.load("line4"), RuleBook.load("line4_pairs")
@@ -21,10 +22,19 @@ DIMER = replace(without(PAIRS, "dimer", "P2"), target=Structure(((0, 0, 0), (0, 
 TABLE3 = ClassRates.of_rates(derive(LINE4), Rates.load("table3_geometric"))
 
 
+class Asked(NamedTuple):
+    """The first arguments of `yield_and_first_time`."""
+
+    model: Model
+    target: str
+    possible: int
+    horizon: float
+
+
 def question(book, rates, cubes, horizon):
     """What is asked of so many free cubes."""
     derivation = derive(book)
-    target = derivation.species_of(book.target)
-    initial = {derivation.network.species[derivation.species_of(book.monomer())]: cubes}
-    network = rates.apply(derivation)
-    return Question(network, network.state(initial), target, cubes // len(book.target), horizon)
+    monomer, target = (
+        derivation.network.species[derivation.species_of(each)] for each in (book.monomer(), book.target)
+    )
+    return Asked(Model.of(rates.apply(derivation), {monomer: cubes}), target, cubes // len(book.target), horizon)

@@ -74,6 +74,7 @@ OTHERS = {
     "growths": lambda: grow(BOOK, ClassRates.uniform(0.01), 8, 20.0, runs=2),
     "accuracy": lambda: measure("line", line(), SMALL, np.linspace(0.0, 5.0, 6), budget=0.1),
     "verification": lambda: verify(line(), Direct(), SMALL, [5.0], runs=200),
+    "first times": lambda: simulate(line(), "ssa", START, 500.0, runs=40, until="quadmer >= 3"),
     "scan": lambda: scan(line(), {"monomer": [4, 8]}, "E[quadmer] @ 50"),
 }
 

@@ -2,15 +2,14 @@
 
 import pytest
 
-from kinetics import Chain, Network, committor, first_passage, scan, simulate, solve
-from kinetics.formats import NetworkModel
+from kinetics import Chain, Model, Network, committor, first_passage, scan, simulate, solve
 from kinetics.markov import ask
 
-MODEL = NetworkModel(Network.from_text("A -> B, k\nA = 2", k=1.0), {"A": 2})  # as `read` gives it
-RUNS = simulate(MODEL.network, "ssa", {"A": 2}, [1.0], runs=3)
+MODEL = Model(Network.from_text("A -> B, k\nA = 2", k=1.0), {"A": 2})
+RUNS = simulate(MODEL, "ssa", times=[1.0], runs=3)
 WRONG = {
-    "a model for its network": (lambda: solve(MODEL, "exact", MODEL.initial, [1]), "give model.network"),
-    "a model to sample": (lambda: simulate(MODEL, "ssa", MODEL.initial, [1.0]), "give model.network"),
+    "a file for its model": (lambda: solve("a.net", "exact", times=[1]), "expected a Network or a Model"),
+    "no times": (lambda: simulate(MODEL, "ssa"), "times is empty; give at least one"),
     "times that are none": (lambda: RUNS["A":"B"], "time = 'A'; expected a number"),
     "a run by its number": (lambda: RUNS[0], "0: expected a species, as in"),
     "reactions in a list": (lambda: Network.from_reactions([("A", "B")], [1.0]), "expected channel -> reaction"),

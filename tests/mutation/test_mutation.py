@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 from contextlib import redirect_stdout
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -69,13 +70,13 @@ def test_a_room_is_what_is_there(room):
 def small_project(folder: Path, test: str) -> Path:
     for name in ("kinetics", "mechsim", "calibration", "tests"):
         (folder / name).mkdir()
-    (folder / "kinetics/least.py").write_text("def least(a, b):\n    return a if a < b else b + 0 * 7\n")
+    (folder / "kinetics/least.py").write_text("def least(a, b):\n    return a if a < b else b + 0\n")
     (folder / "tests/test_least.py").write_text(f"from kinetics.least import least\n\ndef test():\n    {test}\n")
     return folder
 
 
 ROOM = Room(
-    "small", ("kinetics/least.py",), ("tests/test_least.py",), {"return a if a < b else b + 0 * 7 | 7 -> 8": "x"}
+    "small", ("kinetics/least.py",), ("tests/test_least.py",), {"return a if a < b else b + 0 | b + 0 -> b - 0": "x"}
 )
 
 
@@ -83,7 +84,7 @@ ROOM = Room(
 def twice(tmp_path_factory):
     """The project, its scores after three mutants and after all, and what the second run printed; judged but once."""
     root = small_project(tmp_path_factory.mktemp("small"), "assert least(1, 2) == 1 and least(4, 3) == 3")
-    first = judged(ROOM, 3, 1, root / "stored", root)
+    first = judged(ROOM, 2, 1, root / "stored", root)
     with redirect_stdout(StringIO()) as said:
         whole = judged(ROOM, 60, 1, root / "stored", root)
     return root, first, whole, said.getvalue()
@@ -93,30 +94,30 @@ def test_what_is_tested_is_killed_and_what_is_not_lives(twice):
     root, _, score, _ = twice
     assert {verdict.change: verdict.fate for verdict in score.verdicts} == {
         "a < b -> a <= b": "lives",  # the same numbers where they are equal
-        "b + 0 * 7 -> b - 0 * 7": "lives",
-        "0 * 7 -> 0 / 7": "lives",
         "0 -> 1": "killed",
-        "7 -> 8": "accepted",
+        "b + 0 -> b - 0": "accepted",
     }
-    assert score.share == pytest.approx(1 / 4)
+    assert score.share == pytest.approx(1 / 2)
     assert stored("small", root / "stored") == score
 
 
 def test_a_second_run_judges_what_is_left(twice):
     """Those not yet judged, and those that lived; all of them where the code is another."""
     root, first, whole, said = twice
-    assert whole.verdicts[:3] == first.verdicts
+    assert whole.verdicts[:2] == first.verdicts
     told = [line.split()[0] for line in said.splitlines()[1:]]
-    assert len(told) == 5 - first.of("killed")
+    assert len(told) == 3 - first.of("killed")
     source = root / "kinetics/least.py"
     source.write_text('"""A docstring."""\n\n' + source.read_text())
     assert code_of(ROOM, root) == whole.code
-    source.write_text(source.read_text().replace("7", "9"))
+    source.write_text(source.read_text().replace("0", "9"))
     assert code_of(ROOM, root) != whole.code
 
 
 def test_a_test_that_cannot_fail_lets_all_live(tmp_path):
-    assert judged(ROOM, 2, 2, tmp_path / "stored", small_project(tmp_path, "assert True")).share == 0
+    assert (
+        judged(replace(ROOM, accepted={}), 1, 2, tmp_path / "stored", small_project(tmp_path, "assert True")).share == 0
+    )
 
 
 def test_a_mutant_that_never_ends_is_killed(tmp_path):

@@ -22,9 +22,9 @@ import pandas as pd
 from scipy import stats
 
 from kinetics.assembly import RuleBook, Semantics, Senses, Structure, placements
-from kinetics.assembly.facewise.effort import COSTS, growth_costs, star_book
-from kinetics.assembly.facewise.face_grammar import FaceGrammar, Faces, rewrite
 from kinetics.assembly.rules.conditions import Combination, Internal
+from tests.results.face_grammar import FaceGrammar, Faces, rewrite
+from tests.results.grammar_effort import COSTS, growth_costs, star_book
 from tests.results.studies import ROOT, bullets, table
 
 FOLDER = ROOT / "results" / "grammar"

@@ -12,14 +12,13 @@ from dataclasses import asdict, dataclass, replace
 from multiprocessing.connection import Connection
 from typing import Any
 
-import numpy as np
-
+from kinetics import Model
 from kinetics.assembly import RuleBook, Senses, derive
 from kinetics.assembly.compiler import InfeasibleError, Target, UndecidedError, compile_book
 from kinetics.assembly.compiler.compiling import LADDER
 from kinetics.assembly.compiler.result import Compiled, sensing
 from kinetics.assembly.rules.writing import written
-from kinetics.predicting.ranking.yield_and_first_time import Question, yield_and_first_time
+from kinetics.predicting.ranking.yield_and_first_time import yield_and_first_time
 from kinetics.rates import ClassRates
 from tests.helpers.meaning import meaning
 from tests.results.polycubes_shapes import Shape, polycubes
@@ -159,11 +158,10 @@ def yields(book: RuleBook) -> dict[str, Any]:
     began = time.process_time()
     derived = derive(book)
     network = ClassRates.uniform(JOIN, BREAK).apply(derived)
-    initial = np.zeros(len(network.species), dtype=np.int64)
-    initial[derived.species_of(book.monomer())] = CUBES
     assert book.target is not None
-    question = Question(network, initial, derived.species_of(book.target), CUBES // len(book.target), DURATION)
-    found = yield_and_first_time(question, RUNS, 0, MAX_STATES).yield_
+    monomer, target = (network.species[derived.species_of(each)] for each in (book.monomer(), book.target))
+    model = Model.of(network, {monomer: CUBES})
+    found = yield_and_first_time(model, target, CUBES // len(book.target), DURATION, RUNS, 0, MAX_STATES).yield_
     joins = sum(len(event.before) == 2 for event in derived.events)
     return {
         "joins": joins,
@@ -172,7 +170,7 @@ def yields(book: RuleBook) -> dict[str, Any]:
         "low": round(found.low, 4),
         "high": round(found.high, 4),
         "method": found.method,
-        "size": found.size,
+        "size": int(found.why.split()[0]),
         "yield_cpu": _since(began),
     }
 

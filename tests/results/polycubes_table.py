@@ -21,7 +21,8 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from statistics import mean
 
-from kinetics.support.cli.progress import INTERRUPTED, progress_line
+from kinetics.support.cli.failures import INTERRUPTED
+from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
 from tests.results.polycubes_page import write_page
 from tests.results.polycubes_rows import CPU_LIMIT, Row, code, work

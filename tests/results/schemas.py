@@ -24,16 +24,17 @@ from json_outputs import RECORD, SCHEMAS, file_of, schema_of_command  # noqa: E4
 
 TESTS = (
     *("test_cli.py", "test_outputs.py", "kinetics/commands", "kinetics/networkfree", "kinetics/predicting/ranking"),
-    *("kinetics/rates/test_of_book.py", "kinetics/trust/test_accuracy_kinetics.py", "kinetics/trust/test_hardcases.py"),
+    *("kinetics/rates/test_book_rates.py", "kinetics/trust/test_accuracy_kinetics.py"),
+    "kinetics/trust/test_hardcases.py",
     *("kinetics/assembly/checking/test_certificate.py", "kinetics/assembly/checking/test_checker.py"),
     *("kinetics/assembly/compiler/test_compiling.py", "kinetics/assembly/drawing/test_diagrams.py"),
     *("kinetics/formats", "mechsim/accuracy/test_accuracy_mechanics.py", "mechsim/inspection"),
-    *("mechsim/runs/test_shards.py", "mechsim/studies/test_study_command.py", "calibration/watched"),
+    *("mechsim/runs/test_shards.py", "mechsim/studies/test_first_times_command.py", "calibration/observed"),
     "calibration/pipeline",
 )
 PAIR = "bind: A + B <-> AB, k1, k2\nk1 = 0.01\nk2 = 0.1\nA = 20\nB = 10\n"
 CALLS = (
-    ["simulate", "line4", "--cubes", 8, "--bill"],
+    ["simulate", "line4", "--cubes", 8, "--cost-profile"],
     ["predict", "pair.rxn", "--duration", 60],
     ["predict", "pair.rxn", "--times", 60, "--method", "exact"],
     ["predict", "pair.rxn", "--times", 60, "--accuracy", "5%", "--show", "A"],
@@ -41,15 +42,16 @@ CALLS = (
     ["predict", "growth.rxn", "--times", 1, "--times", 60, "--runs", 20],  # truncated
     ["passage", "pair.rxn", "--species", "AB", "--sensitivity"],
     ["passage", "pair.rxn", "--species", "AB", "--within", "A <= 20"],
+    ["passage", "pair.rxn", "--species", "AB", "--copies", 8, "--method", "ssa", "--runs", 20],
     ["ask", "pair.rxn", "P=? [ F<=60 AB >= 8 ]", "S=? [ AB >= 8 ]", "--sensitivity"],
-    ["derive", "pair.rxn"],
-    ["accuracy", "kinetics", "pair.rxn", "--budget", 0.01],
-    ["hardcases"],
+    ["rules", "derive", "pair.rxn"],
+    ["trust", "accuracy", "kinetics", "pair.rxn", "--budget", 0.01],
+    ["trust", "hardcases"],
     ["rules", "check", "t5_as_printed"],
     ["rules", "check", "pyramid45"],
     ["rules", "rank", "t5", "t5_bar", "--join", 7e-5, "--cubes", 10, "--runs", 20],
     ["scan", "pair.rxn", "--over", "k1=0.01,0.02", "--ask", "E[AB] @ 10", "--ask", "P=? [ F<=60 AB >= 8 ]"],
-    ["verify", "pair.rxn", "--times", 1, "--runs", 1000, "--method", "ssa"],
+    ["trust", "verify", "pair.rxn", "--times", 1, "--runs", 1000, "--method", "ssa"],
 )
 
 

@@ -16,6 +16,7 @@ def test_the_page_says_what_the_files_hold():
     assert filled(changed) != changed
 
 
+@pytest.mark.validate
 def test_the_counts_come_out_again():
     """All growths, from their seeds."""
     pd.testing.assert_frame_equal(counted(), pd.read_csv(COSTS_FILE), check_dtype=False)

@@ -88,7 +88,7 @@ def test_places_that_touch_two_cubes_are_filled_more_slowly():
     ]
     made = calibrate_classes(books)
     known = ClassRates.load(page.FOLDER / "classes.toml").classes
-    assert made.chosen_joins.grouping == "touched"
+    assert made.chosen_joins.sharing == "touched"
     for key in ("join touching 1", "join touching 2"):
         assert made.chosen_joins.entries[key].rate == pytest.approx(known[key].rate, rel=1e-3)
     assert known["join touching 2"].high < 0.6 * known["join touching 1"].low

@@ -106,7 +106,7 @@ def block() -> str:
         "make study": held_out(),
     }
     lines = [f"| `{command}` | {what} |" for command, what in rows.items()]
-    return "\n".join(["| command | what came of it |", "|---|---|", *lines, ""])
+    return "\n".join(["| command | result |", "|---|---|", *lines, ""])
 
 
 def written(text: str) -> str:

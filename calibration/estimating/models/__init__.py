@@ -10,16 +10,3 @@ from calibration.estimating.models.weibull import Weibull
 from calibration.estimating.models.crowded import Crowded
 
 RATE_MODELS: tuple[RateModel, ...] = tuple(kind() for kind in members(globals(), RateModel))
-
-
-def rate_model(name: str) -> RateModel:
-    """The model of rates of this name. ValueError: there is none.
-
-    >>> from calibration import rate_model
-    >>> rate_model("crowded").terms
-    ('k', 'c')
-    """
-    known = {model.name: model for model in RATE_MODELS}
-    if name not in known:
-        raise ValueError(f"unknown model of rates {name!r}; expected one of {', '.join(known)}")
-    return known[name]

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from calibration.estimating.exposure import meetings
 from calibration.estimating.rate_model import RateModel
+from kinetics.network import Tank
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 
@@ -17,6 +19,8 @@ class MassActionRates(RateModel):
     The estimate is events over exposure; `estimate` gives it in closed form, with exact intervals and as a rates table.
     Other models are tested against this one: choose it unless the likelihood-ratio test or held-out runs refute it.
 
+    tank : where the constants hold, to which runs in other tanks are scaled; None: runs are taken as they are
+
     >>> from calibration import MassActionRates, fit_rates
     >>> from kinetics import JumpPath, Network
     >>> decay = Network.from_text("decay: A -> 0, 1")
@@ -25,8 +29,11 @@ class MassActionRates(RateModel):
     {'k decay': 1.0}
     """
 
+    tank: Tank | None = None
+
     name = "mass-action"
 
     def combinations(self, path: JumpPath) -> Sequence[Floats]:
         """Distinct combinations of reactants, or whichever convention the network has."""
-        return [path.network.combinations_of(path.states)]
+        h = path.network.combinations_of(path.states)
+        return [h if self.tank in (None, path.tank) else h * meetings(path.network, path.tank, self.tank)]

@@ -68,7 +68,7 @@ class Derivation:
         entries = [(r, s, made) for r, event in enumerate(self.events) for made in (0, 1) for s in event[made]]
         channel, species, is_made = np.array(entries, dtype=np.int64).reshape(-1, 3).T
         needed = is_made == 0
-        return Network.from_sparse(
+        return Network(
             names,
             ["->".join("+".join(short[s] for s in side) for side in event) for event in self.events],
             SparseTable.of_entries(shape, channel[needed], species[needed], np.ones(needed.sum(), dtype=np.int64)),

@@ -93,20 +93,20 @@ def network_drawing(
     channels: Sequence[DrawnChannel],
     scheme: str = "two",
     is_closed: bool = True,
-    most_species: int = MOST_SPECIES,
-    most_reactions: int = MOST_REACTIONS,
+    max_species: int = MOST_SPECIES,
+    max_reactions: int = MOST_REACTIONS,
     most_wide: float = 26.0,
 ) -> Drawing:
     """Species by size from left to right, in rows no wider than `most_wide` cube edges.
 
     is_closed : whether these are known to be all species; the drawing says where they are not
-    most_species, most_reactions : of a larger network, all species of one size are drawn as one, with their number and
+    max_species, max_reactions : of a larger network, all species of one size are drawn as one, with their number and
         that of the channels between them; the drawing says so
     """
-    if most_species < 1 or most_reactions < 1:
-        raise ValueError(f"most_species = {most_species}, most_reactions = {most_reactions}; both must be at least 1")
+    if max_species < 1 or max_reactions < 1:
+        raise ValueError(f"max_species = {max_species}, max_reactions = {max_reactions}; both must be at least 1")
     groups, reactions = grouped(species, channels, lump=False)
-    is_lumped = len(groups) > most_species or len(reactions) > most_reactions
+    is_lumped = len(groups) > max_species or len(reactions) > max_reactions
     if is_lumped:
         groups, reactions = grouped(species, channels, lump=True)
     pictures = [structure_drawing(posed(group.shown), scheme) for group in groups]

@@ -29,11 +29,10 @@ from typing import NamedTuple
 import numpy as np
 
 from kinetics.markov.derivatives.forwards import Forwards, places
-from kinetics.markov.derivatives.slopes import ChannelEntries, Slopes
+from kinetics.markov.derivatives.gradient import ChannelEntries, Gradient
 from kinetics.markov.passage.backward import (
     LEFT_OUT,
     LOST,
-    LimitedValue,
     expected_at,
     jump_rate,
     one_step,
@@ -41,10 +40,11 @@ from kinetics.markov.passage.backward import (
     sums_after,
     weights_errors,
 )
-from kinetics.markov.passage.until import earning_with
+from kinetics.markov.passage.until import rate_reward
 from kinetics.markov.transient.poisson import ROUNDOFF, poisson_window
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.markov.transient.uniformisation import MAX_STEPS
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.interrupts import pieces
 
@@ -58,53 +58,53 @@ class Weights(NamedTuple):
     error: float
 
 
-def slopes_at(entries: ChannelEntries, start: Floats, functions: Floats, time: float) -> list[Slopes]:
-    """Slopes of the means of F functions (F, N), none negative, at a time, tu; one pass backwards each.
+def gradient_at(entries: ChannelEntries, start: Floats, functions: Floats, time: float) -> list[Gradient]:
+    """Gradient of the means of F functions (F, N), none negative, at a time, tu; one pass backwards each.
 
     ValueError: too many steps, or too little memory
 
     >>> import numpy as np
     >>> from kinetics import Network, reachable
-    >>> from kinetics.markov.derivatives import ChannelEntries, slopes_at
+    >>> from kinetics.markov.derivatives import ChannelEntries, gradient_at
     >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
-    >>> (found,) = slopes_at(entries, np.array([1.0, 0.0]), np.array([[1.0, 0.0]]), time=0.5)
+    >>> (found,) = gradient_at(entries, np.array([1.0, 0.0]), np.array([[1.0, 0.0]]), time=0.5)
     >>> round(found.answer.value, 6), found.value.round(6).tolist()  # exp(-k t), and -k t exp(-k t)
     (0.367879, [-0.367879])
     """
     kept = Kept.of(entries, start, functions)
     if time == 0.0 or not kept.entries.transitions.rates.any():
         chain = entries.transitions
-        return [Slopes.none(expected_at(chain, start, values, time), entries.n_channels) for values in functions]
+        return [Gradient.none(expected_at(chain, start, values, time), entries.n_channels) for values in functions]
     (first, window), error = _window(kept.entries.transitions, time)
     passes = Passes(kept, Weights(time, np.append(np.zeros(first), window), 1.0, error))
-    return [passes.slopes(f) for f in range(len(functions))]
+    return [passes.gradient(f) for f in range(len(functions))]
 
 
-def slopes_up_to(
-    entries: ChannelEntries, start: Floats, earning: Floats, time: float, worth: Floats | None = None
-) -> Slopes:
-    """Slopes of the mean of what is earned up to a time, tu.
+def gradient_up_to(
+    entries: ChannelEntries, start: Floats, rewards: Floats, time: float, impulses: Floats | None = None
+) -> Gradient:
+    """Gradient of the mean of a reward accumulated up to a time, tu.
 
-    earning : (N,) a time unit in each state; worth : (K,) at each jump, none negative
+    rewards : (N,) rates in each state; impulses : (K,) at each jump, none negative
 
     >>> import numpy as np
     >>> from kinetics import Network, reachable
-    >>> from kinetics.markov.derivatives import ChannelEntries, slopes_up_to
+    >>> from kinetics.markov.derivatives import ChannelEntries, gradient_up_to
     >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
-    >>> found = slopes_up_to(entries, np.array([1.0, 0.0]), np.array([1.0, 0.0]), time=0.5)  # of the time spent in A
+    >>> found = gradient_up_to(entries, np.array([1.0, 0.0]), np.array([1.0, 0.0]), time=0.5)  # of the time spent in A
     >>> round(found.answer.value, 6), found.value.round(6).tolist()  # (1 - 1/e) / 2, and 1/e - 1/2
     (0.31606, [-0.132121])
     """
-    total, rounded = earning_with(entries.transitions, earning, worth)
-    kept = Kept.of(entries, start, total[None, :], worth)
+    total, rounded = rate_reward(entries.transitions, rewards, impulses)
+    kept = Kept.of(entries, start, total[None, :], impulses)
     chain = kept.entries.transitions
     if time == 0.0 or not chain.rates.any():
         value, is_bound = float(start @ total) * time, time == 0.0 or entries.transitions.is_certified
-        return Slopes.none(LimitedValue.within(value, ROUNDOFF * (start.size + 2), is_bound), entries.n_channels)
+        return Gradient.none(Answer.within(value, ROUNDOFF * (start.size + 2), is_bound), entries.n_channels)
     (first, window), error = _window(chain, time)
     tails = np.append(np.ones(first), sums_after(window)) / jump_rate(chain)
     error += ROUNDOFF * (window.size + 2) + rounded
-    return Passes(kept, Weights(time, tails, time, error)).slopes(0)
+    return Passes(kept, Weights(time, tails, time, error)).gradient(0)
 
 
 def _window(chain: Transitions, time: float) -> tuple[tuple[int, Floats], float]:
@@ -124,27 +124,27 @@ class Kept(NamedTuple):
     """What matters of a question: the states that are reached and lead to a value, all others being one without.
 
     start : (N,); functions : (F, N), each at most 1, in units of `scales` (F,)
-    worth : (K,) what each jump adds to the values of the state that it leaves, in proportion to its rate
+    impulses : (K,) what each jump adds to the values of the state that it leaves, in proportion to its rate
     """
 
     entries: ChannelEntries
     start: Floats
     functions: Floats
     scales: Floats
-    worth: Floats | None
+    impulses: Floats | None
 
     @classmethod
-    def of(cls, entries: ChannelEntries, start: Floats, functions: Floats, worth: Floats | None = None) -> Kept:
+    def of(cls, entries: ChannelEntries, start: Floats, functions: Floats, impulses: Floats | None = None) -> Kept:
         """Of functions (F, N) of all states."""
         chain = entries.transitions
         scales = np.where(functions.any(axis=1), functions.max(axis=1), 1.0)
         shares = functions / scales[:, None]
         kept = chain.reached_from(start > 0) & chain.leading_to(shares.max(axis=0) > 0)
         if kept.all():
-            return cls(entries, start, shares, scales, worth)
+            return cls(entries, start, shares, scales, impulses)
         inside = entries._replace(transitions=chain.within(kept))
         start, shares = np.append(start[kept], 0.0), np.append(shares[:, kept], np.zeros((len(shares), 1)), axis=1)
-        return cls(inside, start, shares, scales, None if worth is None else worth[kept[chain.rows]])
+        return cls(inside, start, shares, scales, None if impulses is None else impulses[kept[chain.rows]])
 
 
 class Back(NamedTuple):
@@ -184,9 +184,9 @@ class Passes:
         keys = np.repeat(np.arange(n), np.diff(moves.indptr)) * n + moves.indices
         self._places = np.searchsorted(keys, chain.rows * n + chain.columns)
 
-    def slopes(self, f: int) -> Slopes:
+    def gradient(self, f: int) -> Gradient:
         """Of the mean of one of the functions."""
-        entries, start, functions, scales, worth = self._kept
+        entries, start, functions, scales, impulses = self._kept
         chain, scale, lost = entries.transitions, float(scales[f]), self._lost
         found = self._back(functions[f])
         mean, share = float(start @ found.later), chain.rates / self._rate
@@ -203,14 +203,12 @@ class Passes:
         rounded = 2.0 * self._forwards.length + chain.roundings + 16.0
         added = rounded * size + entries.most * entries.by_channel(np.abs(terms))
         wide = 1.02 * wide + 1.01 * ROUNDOFF * added + lost
-        if worth is not None:
-            direct = entries.by_channel(chain.rates * worth * found.spent[chain.rows] / scale)
+        if impulses is not None:
+            direct = entries.by_channel(chain.rates * impulses * found.spent[chain.rows] / scale)
             relative += ROUNDOFF * (entries.most + rounded)
             value, wide = value + direct, wide + 1.01 * relative * direct
-        answer = LimitedValue.within(
-            mean * scale, relative + ROUNDOFF * (start.size + 2), chain.is_certified, lost * scale
-        )
-        return Slopes(answer, value * scale, wide * scale, chain.is_certified)
+        answer = Answer.within(mean * scale, relative + ROUNDOFF * (start.size + 2), chain.is_certified, lost * scale)
+        return Gradient(answer, value * scale, wide * scale, chain.is_certified)
 
     def _back(self, values: Floats) -> Back:
         """A pass backwards of a function (N,).
@@ -230,7 +228,7 @@ class Passes:
                 markov.steps_back(*self._moves, self._stays, *some, values, later, *parts)
             for s, found in enumerate(parts):
                 sums[s] += found
-            if self._kept.worth is not None:
+            if self._kept.impulses is not None:
                 spent += weights[block] @ vectors
         gained, held, occupation = sums
         return Back(later, gained, held, occupation, spent)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from kinetics.markov.passage.backward import LimitedValue
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, read_only
 from kinetics.support.shown import ResultTable, Shown, on_axes
 from kinetics.support.tables import figure, text_table
@@ -20,22 +20,22 @@ class Derivatives(Shown):
     """The derivatives of an answer by the logarithm of each of P parameters: d answer / d ln(parameter).
 
     parameters : names (P,), of channels for their rate constants
-    answer : the answer itself, with its limits
-    value, low, high : (P,) in the units of the answer, and limits of the true ones; all roundings and truncations, and
+    answer : the answer itself, with its bounds
+    value, low, high : (P,) in the units of the answer, and bounds of the true ones; all roundings and truncations, and
         those of the rates, included
-    is_bound : whether the limits are proven; otherwise they are an estimate
+    is_bound : whether the bounds are proven; otherwise they are an estimate
     constants : (P,) values of the parameters, 1/tu; of a rate law the factor before it. None where they are not known
     method : how they were found
     cpu_seconds : time that took
 
     >>> from kinetics import Chain, Network, Sensitivity
-    >>> slopes = Sensitivity(Chain.of(Network.from_text("A <-> B, 2, 3"), {"A": 1})).in_the_end("B == 1")
-    >>> slopes.value.round(9).tolist(), slopes.elasticity.round(9).tolist(), slopes.is_bound  # 0.4 * 0.6, and over 0.4
+    >>> gradient = Sensitivity(Chain.of(Network.from_text("A <-> B, 2, 3"), {"A": 1})).steady_state("B == 1")
+    >>> gradient.value.round(9).tolist(), gradient.elasticity.round(9).tolist(), gradient.is_bound  # 0.4 * 0.6
     ([0.24, -0.24], [0.6, -0.6], True)
     """
 
     parameters: tuple[str, ...]
-    answer: LimitedValue
+    answer: Answer
     value: Floats
     low: Floats
     high: Floats
@@ -54,8 +54,8 @@ class Derivatives(Shown):
         return self._over(self.value, self.answer.value)
 
     @property
-    def elasticity_limits(self) -> tuple[Floats, Floats]:
-        """Lower and upper limits (P,) of `elasticity`; infinite where the answer may be 0."""
+    def elasticity_bounds(self) -> tuple[Floats, Floats]:
+        """Lower and upper bounds (P,) of `elasticity`; infinite where the answer may be 0."""
         ends = self.answer.low, self.answer.high
         if ends[0] <= 0.0:
             return np.full(self.value.size, -np.inf), np.full(self.value.size, np.inf)
@@ -74,10 +74,10 @@ class Derivatives(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """All of it; arrays are (P,)."""
-        low, high = self.elasticity_limits
+        low, high = self.elasticity_bounds
         return {
             "parameters": self.parameters,
-            "answer": self.answer._asdict(),
+            "answer": self.answer.to_dict(),
             "value": self.value,
             "low": self.low,
             "high": self.high,
@@ -98,14 +98,14 @@ class Derivatives(Shown):
 
     def summary(self) -> ResultTable:
         """Elasticity with its error and derivative, a row a parameter."""
-        low, high = self.elasticity_limits
+        low, high = self.elasticity_bounds
         wide = np.maximum(high - self.elasticity, self.elasticity - low)
         rows = [
             (name, figure(elasticity, ".6g"), figure(error, ".1e"), f"{value:.6g}")
             for name, elasticity, error, value in zip(self.parameters, self.elasticity, wide, self.value, strict=True)
         ]
         kind = "proven" if self.is_bound else "estimated"
-        note = f"of {self.answer.value:.12g}; limits {kind}; {self.method}; {self.cpu_seconds:.2g} s CPU"
+        note = f"of {self.answer.value:.12g}; bounds {kind}; {self.method}; {self.cpu_seconds:.2g} s CPU"
         return ResultTable(self.headline, ("parameter", "elasticity", "+-", "d / d ln"), rows, [note])
 
     def __str__(self) -> str:
@@ -114,8 +114,8 @@ class Derivatives(Shown):
 
     @on_axes
     def plot(self, ax: Any) -> Any:
-        """Bars of the elasticities with their limits, the first parameter on top; returns `ax`."""
+        """Bars of the elasticities with their bounds, the first parameter on top; returns `ax`."""
         from kinetics.support import plots
 
-        values, low, high = (np.reshape(each, (-1, 1)) for each in (self.elasticity, *self.elasticity_limits))
+        values, low, high = (np.reshape(each, (-1, 1)) for each in (self.elasticity, *self.elasticity_bounds))
         return plots.grouped_bars(ax, self.parameters, ("elasticity",), values, low, high, "d ln(answer) / d ln(rate)")

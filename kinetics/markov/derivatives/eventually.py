@@ -1,109 +1,112 @@
-"""Derivatives, by all rates, of what happens at some time: reaching a target, what is earned until then, the end.
+"""Derivatives, by all rates, of what happens at some time: reaching a target, the reward until then, the steady state.
 
-A value y solves linear equations on the states on the way, and its derivative by the logarithm of a channel's rates is
-the sum over its entries, from i to j, of occupation_i * rate * (y_j - y_i): what is earned in the time spent at i by
-going on from j instead. Occupation and value come from one elimination, which also gives the value itself; both have
-relative errors, so each term has a bound. After infinite time the occupation is the stationary distribution, and y what
-is earned beyond the mean before the chain is back at a state (Schweitzer 1968, doi:10.2307/3212261).
+A value y solves linear equations on the transient states, and its derivative by the logarithm of a channel's rates
+is the sum over its entries, from i to j, of occupation_i * rate * (y_j - y_i): the reward gained in the time spent at
+i by going on from j instead. Occupation and value come from one elimination, which also gives the value itself; both
+have relative errors, so each term has a bound. After infinite time the occupation is the stationary distribution, and y
+the reward beyond the mean before the chain is back at a state (Schweitzer 1968, doi:10.2307/3212261).
 
 Where a target is so remote that rates fire f times before it is reached, these derivatives lose as many digits as f
-has. Those of a mean until a target, and of a probability, are then taken by cycles (see `regenerative`), with limits
-relative to the answer; those of `always`, of the end and of higher moments keep limits that are f times as wide.
+has. Those of a mean until a target, and of a probability, are then taken by cycles (see `regenerative`), with bounds
+relative to the answer; those of `always`, of the steady state and of higher moments keep bounds
+that are f times as wide.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from kinetics.markov.derivatives.gradient import ChannelEntries, Gradient
 from kinetics.markov.derivatives.regenerative import First, by_cycles
-from kinetics.markov.derivatives.slopes import ChannelEntries, Slopes
 from kinetics.markov.passage.certified import BoundedSolution
-from kinetics.markov.passage.stationary import ChainStationary, mean_in_the_end, stationary_of
-from kinetics.markov.passage.until import UNDERFLOW, Ending, Mask, OnTheWay, always, earned_until, earning_with, until
+from kinetics.markov.passage.stationary import Stationary, stationary_of, steady_mean
+from kinetics.markov.passage.until import UNDERFLOW, Ending, Mask, Solved, accumulated_until, always, rate_reward, until
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.support.arrays import Floats, Ints
 
 LOOSE = 1e-8  # relative to the answer: from here on, cycles are worth their time
 
 
-def slopes_until(entries: ChannelEntries, start: Floats, through: Mask, target: Mask) -> Slopes:
-    """Slopes of the probability of reaching the target (N,) at some time, through given states (N,) alone.
+def gradient_until(entries: ChannelEntries, start: Floats, through: Mask, target: Mask) -> Gradient:
+    """Gradient of the probability of reaching the target (N,) at some time, through given states (N,) alone.
 
     >>> from kinetics import Network, reachable
-    >>> from kinetics.markov.derivatives import ChannelEntries, slopes_until
+    >>> from kinetics.markov.derivatives import ChannelEntries, gradient_until
     >>> space = reachable(Network.from_text('''A -> B, 1
     ... A -> C, 3'''), {"A": 1})
     >>> entries = ChannelEntries(space.transitions(), n_channels=2)
     >>> begins, is_b = (space.states[:, s] == 1 for s in (0, 1))
-    >>> slopes_until(entries, begins.astype(float), begins | is_b, is_b).value.round(9).tolist()  # 1/4 * 3/4
+    >>> gradient_until(entries, begins.astype(float), begins | is_b, is_b).value.round(9).tolist()  # 1/4 * 3/4
     [0.1875, -0.1875]
     """
 
-    def until_back(inside: ChannelEntries, begins: Floats) -> Slopes:
+    def until_back(inside: ChannelEntries, begins: Floats) -> Gradient:
         return _reached(inside, begins, np.append(through, False), np.append(target, False))
 
     ending = until(entries.transitions, start, through, target)
     return _narrower(entries, np.where(target, 0.0, start), ending, _of_ending(entries, ending), until_back)
 
 
-def slopes_always(entries: ChannelEntries, start: Floats, states: Mask) -> Slopes:
-    """Slopes of the probability of never leaving the states (N,).
+def gradient_always(entries: ChannelEntries, start: Floats, states: Mask) -> Gradient:
+    """Gradient of the probability of never leaving the states (N,).
 
     >>> from kinetics import Network, reachable
-    >>> from kinetics.markov.derivatives import ChannelEntries, slopes_always
+    >>> from kinetics.markov.derivatives import ChannelEntries, gradient_always
     >>> space = reachable(Network.from_text('''A -> B, 1
     ... A -> C, 3'''), {"A": 1})
     >>> entries = ChannelEntries(space.transitions(), n_channels=2)
     >>> begins, is_c = (space.states[:, s] == 1 for s in (0, 2))
-    >>> slopes_always(entries, begins.astype(float), ~is_c).value.round(9).tolist()  # as of reaching B
+    >>> gradient_always(entries, begins.astype(float), ~is_c).value.round(9).tolist()  # as of reaching B
     [0.1875, -0.1875]
     """
     return _of_ending(entries, always(entries.transitions, start, states))
 
 
-def slopes_earned(
-    entries: ChannelEntries, start: Floats, earning: Floats, target: Mask, worth: Floats | None = None
-) -> Slopes:
-    """Slopes of the mean of what is earned until the target (N,) is reached.
+def gradient_accumulated(
+    entries: ChannelEntries, start: Floats, rewards: Floats, target: Mask, impulses: Floats | None = None
+) -> Gradient:
+    """Gradient of the mean of a reward until the target (N,) is reached.
 
-    earning : (N,) a time unit in each state; worth : (K,) at each jump, none negative
+    rewards : (N,) rates in each state; impulses : (K,) at each jump, none negative
 
     >>> import numpy as np
     >>> from kinetics import Network, reachable
-    >>> from kinetics.markov.derivatives import ChannelEntries, slopes_earned
+    >>> from kinetics.markov.derivatives import ChannelEntries, gradient_accumulated
     >>> entries = ChannelEntries(reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions(), n_channels=1)
-    >>> found = slopes_earned(entries, np.array([1.0, 0.0]), np.array([1.0, 0.0]), np.array([False, True]))
+    >>> found = gradient_accumulated(entries, np.array([1.0, 0.0]), np.array([1.0, 0.0]), np.array([False, True]))
     >>> round(found.answer.value, 9), found.value.round(9).tolist()  # the mean time 1/k
     (0.5, [-0.5])
     """
-    total, rounded = earning_with(entries.transitions, earning, worth)
-    ending = earned_until(entries.transitions, start, total, target)
+    total, rounded = rate_reward(entries.transitions, rewards, impulses)
+    ending = accumulated_until(entries.transitions, start, total, target)
 
-    def until_back(inside: ChannelEntries, begins: Floats) -> Slopes:
+    def until_back(inside: ChannelEntries, begins: Floats) -> Gradient:
         ends = np.append(target, True)
-        cycle = earned_until(inside.transitions, begins, np.append(total, 0.0), ends)
-        return _of_ending(inside, cycle, _going(inside, ends, worth), rounded)
+        cycle = accumulated_until(inside.transitions, begins, np.append(total, 0.0), ends)
+        return _of_ending(inside, cycle, _going(inside, ends, impulses), rounded)
 
-    found = _of_ending(entries, ending, _going(entries, target, worth), rounded)
+    found = _of_ending(entries, ending, _going(entries, target, impulses), rounded)
     return _narrower(entries, start, ending, found, until_back)
 
 
-def slopes_in_the_end(entries: ChannelEntries, start: Floats, earning: Floats, worth: Floats | None = None) -> Slopes:
-    """Slopes of the mean of what is earned a time unit after infinite time.
+def gradient_steady(
+    entries: ChannelEntries, start: Floats, rewards: Floats, impulses: Floats | None = None
+) -> Gradient:
+    """Gradient of the mean rate of a reward in the steady state.
 
-    earning : (N,) a time unit in each state; worth : (K,) at each jump, none negative
+    rewards : (N,) rates in each state; impulses : (K,) at each jump, none negative
 
     >>> import numpy as np
     >>> from kinetics import Network, reachable
-    >>> from kinetics.markov.derivatives import ChannelEntries, slopes_in_the_end
+    >>> from kinetics.markov.derivatives import ChannelEntries, gradient_steady
     >>> entries = ChannelEntries(reachable(Network.from_text("A <-> B, 2, 3"), {"A": 1}).transitions(), n_channels=2)
-    >>> found = slopes_in_the_end(entries, np.array([1.0, 0.0]), np.array([0.0, 1.0]))
+    >>> found = gradient_steady(entries, np.array([1.0, 0.0]), np.array([0.0, 1.0]))
     >>> round(found.answer.value, 9), found.value.round(9).tolist()  # 2/5, and 2/5 * 3/5
     (0.4, [0.24, -0.24])
     """
-    chain, (values, rounded) = entries.transitions, earning_with(entries.transitions, earning, worth)
+    chain, (values, rounded) = entries.transitions, rate_reward(entries.transitions, rewards, impulses)
     rest = stationary_of(chain, start)
-    answer = mean_in_the_end(rest, values).wider(rounded)
+    answer = steady_mean(rest, values).inflated(rounded)
     value, wide = np.zeros(entries.n_channels), np.zeros(entries.n_channels)
     ends = np.zeros(chain.size)
     share = BoundedSolution(rest.probabilities, (rest.error + 2.0 * ROUNDOFF) * rest.probabilities)
@@ -118,77 +121,79 @@ def slopes_in_the_end(entries: ChannelEntries, start: Floats, earning: Floats, w
     if len(rest.classes) > 1:
         passing = ~np.isin(np.arange(chain.size), np.concatenate(rest.classes)) & chain.reached_from(start > 0)
         if start[passing].any():
-            solved = OnTheWay.of(chain, start, passing, ends, np.zeros(chain.size))
+            solved = Solved.of(chain, start, passing, ends, np.zeros(chain.size))
             error = 2.0 * rest.error + rounded + (values.size + 4.0) * ROUNDOFF
-            parts = flow_sums(entries, *_on_the_way(solved, error))
+            parts = flow_sums(entries, *_solutions(solved, error))
             value, wide = value + parts[0], wide + parts[1]
-    if worth is not None:
-        parts = _direct(entries, share, worth)
+    if impulses is not None:
+        parts = _direct(entries, share, impulses)
         value, wide = value + parts[0], wide + parts[1]
-    return Slopes(answer, value, 1.01 * wide + UNDERFLOW, chain.is_certified)
+    return Gradient(answer, value, 1.01 * wide + UNDERFLOW, chain.is_certified)
 
 
-def _narrower(entries: ChannelEntries, start: Floats, ending: Ending, found: Slopes, until_back: First) -> Slopes:
+def _narrower(entries: ChannelEntries, start: Floats, ending: Ending, found: Gradient, until_back: First) -> Gradient:
     """What was found; where it is loose, by cycles between visits of the state that is visited most."""
     solved = ending.solved
     if solved is None or found.wide.max(initial=0.0) <= LOOSE * found.answer.value:
         return found
-    spent = everywhere(solved.way, solved.equation.occupied(solved.first))
+    spent = everywhere(solved.transient, solved.equation.occupied(solved.first))
     back = int(np.argmax(spent.values * solved.chain.exits))
-    near = by_cycles(entries, start, solved.way, back, until_back, _reached)
+    near = by_cycles(entries, start, solved.transient, back, until_back, _reached)
     better = near.wide < found.wide
     return found._replace(
         value=np.where(better, near.value, found.value), wide=np.where(better, 1.01 * near.wide, found.wide)
     )
 
 
-def _reached(entries: ChannelEntries, start: Floats, through: Mask, target: Mask) -> Slopes:
+def _reached(entries: ChannelEntries, start: Floats, through: Mask, target: Mask) -> Gradient:
     return _of_ending(entries, until(entries.transitions, start, through, target))
 
 
-def _going(entries: ChannelEntries, target: Mask, worth: Floats | None) -> Floats | None:
-    """What jumps are worth that leave no target."""
-    return None if worth is None else worth[~target[entries.transitions.rows]]
+def _going(entries: ChannelEntries, target: Mask, impulses: Floats | None) -> Floats | None:
+    """The impulses of jumps that leave no target."""
+    return None if impulses is None else impulses[~target[entries.transitions.rows]]
 
 
-def _of_ending(entries: ChannelEntries, ending: Ending, worth: Floats | None = None, rounded: float = 0.0) -> Slopes:
+def _of_ending(
+    entries: ChannelEntries, ending: Ending, impulses: Floats | None = None, rounded: float = 0.0
+) -> Gradient:
     solved = ending.solved
     if solved is None:
-        return Slopes.none(ending.limited, entries.n_channels)
+        return Gradient.none(ending.found, entries.n_channels)
     stopped = entries._replace(transitions=solved.chain)
-    times, values = _on_the_way(solved, rounded)
+    times, values = _solutions(solved, rounded)
     value, wide = flow_sums(stopped, times, values)
-    if worth is not None:
-        parts = _direct(stopped, times, worth)
+    if impulses is not None:
+        parts = _direct(stopped, times, impulses)
         value, wide = value + parts[0], wide + parts[1]
-    return Slopes(ending.limited.wider(rounded), value, 1.01 * wide + UNDERFLOW, solved.chain.is_certified)
+    return Gradient(ending.found.inflated(rounded), value, 1.01 * wide + UNDERFLOW, solved.chain.is_certified)
 
 
-def _on_the_way(solved: OnTheWay, rounded: float) -> tuple[BoundedSolution, BoundedSolution]:
+def _solutions(solved: Solved, rounded: float) -> tuple[BoundedSolution, BoundedSolution]:
     """Time spent in each state, and what is solved for, which has one more relative error."""
     values, errors = solved.solution
-    spent = everywhere(solved.way, solved.equation.occupied(solved.first))
+    spent = everywhere(solved.transient, solved.equation.occupied(solved.first))
     return spent, BoundedSolution(values, errors + rounded * values)
 
 
-def everywhere(way: Mask, solution: BoundedSolution) -> BoundedSolution:
+def everywhere(transient: Mask, solution: BoundedSolution) -> BoundedSolution:
     """A solution on the way (N,), 0 elsewhere."""
-    values, errors = np.zeros(way.size), np.zeros(way.size)
-    values[way], errors[way] = solution
+    values, errors = np.zeros(transient.size), np.zeros(transient.size)
+    values[transient], errors[transient] = solution
     return BoundedSolution(values, errors)
 
 
 def _beyond_the_mean(
-    entries: ChannelEntries, rest: ChainStationary, members: Ints, values: Floats, mean: float, rounded: float
+    entries: ChannelEntries, rest: Stationary, members: Ints, values: Floats, mean: float, rounded: float
 ) -> BoundedSolution:
-    """What is earned from each state of a closed class, less the mean, until the chain is at its likeliest state."""
+    """The reward from each state of a closed class, less the mean, until the chain is at its likeliest state."""
     chain = entries.transitions
     back = members[np.argmax(rest.probabilities[members])]
     is_back = np.arange(chain.size) == back
-    way = _only(members, np.ones(chain.size)).astype(bool) & ~is_back
+    transient = _only(members, np.ones(chain.size)).astype(bool) & ~is_back
     none = np.zeros(chain.size)
-    solved = OnTheWay.of(chain.stopped(is_back), none, way, none, values)
-    waits, late = everywhere(way, solved.equation.solved(np.ones(int(way.sum()))))
+    solved = Solved.of(chain.stopped(is_back), none, transient, none, values)
+    waits, late = everywhere(transient, solved.equation.solved(np.ones(int(transient.sum()))))
     (gains, wrong), losses = solved.solution, mean * waits
     wide = wrong + mean * late + rounded * gains + (rest.error + rounded + ROUNDOFF * (values.size + 4.0)) * losses
     return BoundedSolution(gains - losses, wide + ROUNDOFF * np.abs(gains - losses))
@@ -210,8 +215,8 @@ def flow_sums(entries: ChannelEntries, times: BoundedSolution, values: BoundedSo
     return entries.by_channel(terms), entries.by_channel(wide)
 
 
-def _direct(entries: ChannelEntries, times: BoundedSolution, worth: Floats) -> tuple[Floats, Floats]:
-    """What the jumps of each channel earn, all of which is in proportion to its rates."""
+def _direct(entries: ChannelEntries, times: BoundedSolution, impulses: Floats) -> tuple[Floats, Floats]:
+    """The impulse rewards at the jumps of each channel, all of which are in proportion to its rates."""
     rows, _, rates, *_ = entries.transitions
-    value, wide = (entries.by_channel(each[rows] * rates * worth) for each in times)
+    value, wide = (entries.by_channel(each[rows] * rates * impulses) for each in times)
     return value, wide + ROUNDOFF * (entries.transitions.roundings + entries.most + 4.0) * value

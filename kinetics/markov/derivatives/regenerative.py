@@ -8,7 +8,7 @@ E = C + R E_b, where R is the probability of being at b first. Cycles are short 
 
     dE = dC + E_b dR + R E_b (dC_b / C_b - dp / p)
 
-comes with limits relative to E, unless the chain also moves for long elsewhere. Four eliminations.
+comes with bounds relative to E, unless the chain also moves for long elsewhere. Four eliminations.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinetics.markov.derivatives.slopes import ChannelEntries, Slopes
+from kinetics.markov.derivatives.gradient import ChannelEntries, Gradient
 from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.support.arrays import Floats
 
-First = Callable[[ChannelEntries, Floats], Slopes]
-Reached = Callable[[ChannelEntries, Floats, Mask, Mask], Slopes]
+First = Callable[[ChannelEntries, Floats], Gradient]
+Reached = Callable[[ChannelEntries, Floats, Mask, Mask], Gradient]
 
 
 class Near(NamedTuple):
@@ -54,8 +54,10 @@ class Near(NamedTuple):
             return Near(value, np.where(least > 0.0, wide, np.inf))
 
 
-def by_cycles(entries: ChannelEntries, start: Floats, way: Mask, back: int, first: First, reached: Reached) -> Near:
-    """Derivatives (C,) of a value that is 0 at once, as the mean of what is earned on the way (N,).
+def by_cycles(
+    entries: ChannelEntries, start: Floats, transient: Mask, back: int, first: First, reached: Reached
+) -> Near:
+    """Derivatives (C,) of a value that is 0 at once, as the mean of a reward in transient states (N,).
 
     back : the state between whose visits cycles are
     first : of the value until `back` comes again, which is then one more state, the last; from a start (N + 1,)
@@ -65,7 +67,7 @@ def by_cycles(entries: ChannelEntries, start: Floats, way: Mask, back: int, firs
     columns = np.where(chain.columns == back, n, chain.columns)
     cut = Transitions(chain.rows, columns, chain.rates, np.append(chain.leaks, 0.0), chain.rate_error, chain.channels)
     inside = entries._replace(transitions=cut)
-    again, on_the_way, ends = np.arange(n + 1) == n, np.append(way, False), np.append(~way, False)
+    again, on_the_way, ends = np.arange(n + 1) == n, np.append(transient, False), np.append(~transient, False)
     begins = np.append(np.where(np.arange(n) == back, 0.0, start), start[back])
     there = np.eye(1, n + 1, back)[0]
     _, df = _both(first(inside, begins))
@@ -77,7 +79,6 @@ def by_cycles(entries: ChannelEntries, start: Floats, way: Mask, back: int, firs
     return df.plus(dr.times(whole)).plus(r.times(whole).times(change))
 
 
-def _both(slopes: Slopes) -> tuple[Near, Near]:
+def _both(gradient: Gradient) -> tuple[Near, Near]:
     """The answer and its derivatives."""
-    value, low, high, _ = slopes.answer
-    return Near(np.array(value), np.array(max(value - low, high - value))), Near(slopes.value, slopes.wide)
+    return Near(np.array(gradient.answer.value), np.array(gradient.answer.error)), Near(gradient.value, gradient.wide)

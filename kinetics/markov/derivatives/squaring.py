@@ -18,8 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinetics.markov.derivatives.slopes import ChannelEntries, Slopes
-from kinetics.markov.passage.backward import LimitedValue
+from kinetics.markov.derivatives.gradient import ChannelEntries, Gradient
 from kinetics.markov.transient.certificate import (
     ABOVE,
     STEP_BITS,
@@ -33,6 +32,7 @@ from kinetics.markov.transient.dense import LARGEST
 from kinetics.markov.transient.fixedpoint import FixedPoint
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.states import StateSpace
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats
 
 MAX_SQUARED = 500  # states, some thirty seconds: three times what the dense method takes with its proof
@@ -48,20 +48,20 @@ class Powers(NamedTuple):
     means_error: float
 
 
-def slopes_by_squaring(
+def gradient_by_squaring(
     entries: ChannelEntries, start: Floats, functions: Floats, time: float, space: StateSpace | None = None
-) -> list[Slopes]:
-    """Slopes of the means of F functions (F, N), none negative, at a time, tu; two products a squaring more for each.
+) -> list[Gradient]:
+    """Gradient of the means of F functions (F, N), none negative, at a time, tu; two products a squaring more for each.
 
     space : states of the network behind the chain, which give its rates without rounding
     ValueError: too many states, or rates and time beyond what numbers hold
 
     >>> import numpy as np
     >>> from kinetics import Network, reachable
-    >>> from kinetics.markov.derivatives import ChannelEntries, slopes_by_squaring
+    >>> from kinetics.markov.derivatives import ChannelEntries, gradient_by_squaring
     >>> stiff = Network.from_text("A <-> B, 1e6, 3e6")
     >>> entries = ChannelEntries(reachable(stiff, {"A": 1}).transitions(), n_channels=2)
-    >>> (found,) = slopes_by_squaring(entries, np.array([1.0, 0.0]), np.array([[0.0, 1.0]]), time=1.0)
+    >>> (found,) = gradient_by_squaring(entries, np.array([1.0, 0.0]), np.array([[0.0, 1.0]]), time=1.0)
     >>> round(found.answer.value, 9), found.value.round(9).tolist()  # settled: 1/4, and 1/4 * 3/4
     (0.25, [0.1875, -0.1875])
     """
@@ -71,7 +71,7 @@ def slopes_by_squaring(
     if not (1.0 / LARGEST < fastest < LARGEST and 1.0 / LARGEST < time < LARGEST):
         raise ValueError(f"rates up to {fastest:.3g} 1/tu and time {time:.3g} tu are beyond what numbers hold")
     known = best_entries(chain, space)
-    is_exact = known.rate_error == 0.0  # what errors of rates add to slopes is not known here
+    is_exact = known.rate_error == 0.0  # what errors of rates add to gradient is not known here
     # scaled by powers of two, without rounding
     scales = [2.0 ** frexp(float(values.max()))[1] if values.any() else 1.0 for values in functions]
     shares = [values / scale for values, scale in zip(functions, scales, strict=True)]
@@ -79,16 +79,16 @@ def slopes_by_squaring(
     at = _squared(arithmetic, known, start, shares, time)
     reached = start @ arithmetic.value(at.power)
     rows, columns, rates, *_ = chain
-    slopes = []
+    gradient = []
     for scale, share, digits in zip(scales, shares, at.means, strict=True):
         gaps = arithmetic.value(arithmetic.carry(digits[:, columns, rows] - digits[:, rows, rows]))
         brought = rates * time * gaps
         wrong = ROUNDOFF * (chain.roundings + entries.most + 10.0) * np.abs(brought)
         wide = scale * entries.by_channel(wrong + 2.0 * rates * time * at.means_error)
         mean, relative = float(reached @ share), 2.0 * ROUNDOFF * (chain.size + 4)
-        answer = LimitedValue.within(mean * scale, relative, is_exact, ABOVE * at.power_error * scale)
-        slopes.append(Slopes(answer, scale * entries.by_channel(brought), ABOVE * wide, is_exact))
-    return slopes
+        answer = Answer.within(mean * scale, relative, is_exact, ABOVE * at.power_error * scale)
+        gradient.append(Gradient(answer, scale * entries.by_channel(brought), ABOVE * wide, is_exact))
+    return gradient
 
 
 def _squared(arithmetic: FixedPoint, known: Entries, start: Floats, functions: list[Floats], time: float) -> Powers:

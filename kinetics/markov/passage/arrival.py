@@ -1,4 +1,4 @@
-"""The distribution of the time at which a chain enters its last state: values with limits, and quantiles."""
+"""The distribution of the time at which a chain enters its last state: values with bounds, and quantiles."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from kinetics.markov.passage.backward import BackwardPass, LimitedValue, steps_until
+from kinetics.markov.passage.backward import BackwardPass, steps_until
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.markov.transient.uniformisation import MAX_STEPS, Absorption, DiscreteChain
+from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Floats
 
 TOLERANCE = 1e-14  # probability that the distribution may leave out at a time
@@ -27,19 +28,22 @@ class Arrival:
         self._transitions, self._start, self._target = transitions, start, target
         self.chain = DiscreteChain.of(transitions)
         self._absorption = Absorption(self.chain, start)
+        self._known: dict[float, tuple[Answer, Answer]] = {}  # by time: a quantile and its bounds ask for the same ones
 
-    def cdf(self, time: float) -> LimitedValue:
+    def cdf(self, time: float) -> Answer:
         """Probability of having entered it by a time, tu."""
         common = self._common(time)[0]
         return self._finer(common, self._arrived, time)
 
-    def survival(self, time: float) -> LimitedValue:
+    def survival(self, time: float) -> Answer:
         """Probability of not having entered it."""
         common = self._common(time)[1]
         return self._finer(common, self._alive, time)
 
-    def _common(self, time: float) -> tuple[LimitedValue, LimitedValue]:
+    def _common(self, time: float) -> tuple[Answer, Answer]:
         """Cdf and survival, with absolute errors."""
+        if time in self._known:
+            return self._known[time]
         steps = self.chain.steps_until(time, TOLERANCE)
         if steps > MAX_STEPS:
             raise ValueError(
@@ -48,14 +52,14 @@ class Arrival:
                 f"nearly exponential"
             )
         absorbed, alive, error = self._absorption.at(time, TOLERANCE)
-        is_bound = self._transitions.is_certified
+        kind = kind_of(self._transitions.is_certified)
         cdf, survival = (
-            LimitedValue(value, max(value - error, 0.0), min(value + error, 1.0), is_bound)
-            for value in (absorbed, alive)
+            Answer(value, max(value - error, 0.0), min(value + error, 1.0), kind) for value in (absorbed, alive)
         )
+        self._known[time] = cdf, survival
         return cdf, survival
 
-    def _finer(self, common: LimitedValue, backwards: BackwardPass, time: float) -> LimitedValue:
+    def _finer(self, common: Answer, backwards: BackwardPass, time: float) -> Answer:
         if common.value >= SMALL or steps_until(self._transitions, time) > MAX_STEPS:
             return common
         found = backwards.at(time)
@@ -82,7 +86,7 @@ class Arrival:
         early = self._first(reached, lambda found: found.high, ever)[0]
         return early, self._first(q, lambda found: found.low, ever)[1] if q < ever else np.inf
 
-    def _first(self, q: float, of: Callable[[LimitedValue], float], ever: float) -> tuple[float, float]:
+    def _first(self, q: float, of: Callable[[Answer], float], ever: float) -> tuple[float, float]:
         """Neighbouring times by bisection, the cdf below q and not; inf where it is not known to come there.
 
         ever : the cdf after infinite time

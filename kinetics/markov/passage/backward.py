@@ -8,45 +8,25 @@ doi:10.1080/03461238.1953.10419459; backwards: Katoen et al. (2001), doi:10.1007
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from kinetics.markov.transient.poisson import ROUNDOFF, poisson_bounds, poisson_window
 from kinetics.markov.transient.transitions import Transitions
-from kinetics.markov.transient.uniformisation import MAX_STEPS
+from kinetics.markov.transient.uniformisation import MAX_STEPS, STEP_SECONDS
+from kinetics.native import twins
+from kinetics.support.answer import PROVEN, Answer
 from kinetics.support.arrays import Floats
-from kinetics.support.interrupts import pieces
+from kinetics.support.cli.progress import forecast
+from kinetics.support.tables import rough
 
 LEFT_OUT = 1e-302  # of the Poisson probability: what is smaller is not known relatively
 LOST = 1e-300  # by this and by underflow together, of the largest value
 SPARE = 1.0 + 2.0**-5  # q over the largest exit rate, so that something stays everywhere and its rounding is small
 LOOK = 16  # steps between two looks at whether more of them matter, at first
-
-
-class LimitedValue(NamedTuple):
-    """A value of at least 0, its limits, and whether these are proven."""
-
-    value: float
-    low: float
-    high: float
-    is_bound: bool
-
-    @classmethod
-    def within(cls, value: float, relative: float, is_bound: bool, absolute: float = 0.0) -> LimitedValue:
-        """The value with limits by a relative and an absolute error."""
-        wide = relative * value * 1.001 + absolute
-        return cls(value, max(value - wide, 0.0), value + wide, is_bound)
-
-    def capped(self) -> LimitedValue:
-        """The same of a probability: at most 1."""
-        return self._replace(value=min(self.value, 1.0), low=min(self.low, 1.0), high=min(self.high, 1.0))
-
-    def wider(self, relative: float) -> LimitedValue:
-        """The same, where what was added up has a relative error of its own."""
-        more = 1.001 * relative
-        return self._replace(low=self.low * (1.0 - more), high=self.high * (1.0 + more))
 
 
 def steps_until(transitions: Transitions, time: float, spare: float = SPARE) -> float:
@@ -55,7 +35,7 @@ def steps_until(transitions: Transitions, time: float, spare: float = SPARE) -> 
     return poisson_bounds(mean, LEFT_OUT)[1] if mean < np.inf else np.inf
 
 
-def expected_at(transitions: Transitions, start: Floats, values: Floats, time: float) -> LimitedValue:
+def expected_at(transitions: Transitions, start: Floats, values: Floats, time: float) -> Answer:
     """Mean of `values` (N,), none negative, over the states at a time, tu.
 
     The steps are q t and a margin for the tails; ValueError where they are too many.
@@ -63,7 +43,7 @@ def expected_at(transitions: Transitions, start: Floats, values: Floats, time: f
     return BackwardPass(transitions, start, values).at(time)
 
 
-def expected_integral(transitions: Transitions, start: Floats, values: Floats, time: float) -> LimitedValue:
+def expected_integral(transitions: Transitions, start: Floats, values: Floats, time: float) -> Answer:
     """Mean of the integral of `values` (N,), none negative, over the states from 0 to a time, tu."""
     return BackwardPass(transitions, start, values).integral(time)
 
@@ -77,10 +57,10 @@ class BackwardPass:
 
     def __init__(self, transitions: Transitions, start: Floats, values: Floats) -> None:
         at_once = float(start @ values)
-        self._at_once = LimitedValue.within(at_once, ROUNDOFF * start.size, transitions.is_certified)
-        self._chain, begins, worth = that_matter(transitions, start, values)
-        self._rate, self._scale = jump_rate(self._chain), float(worth.max(initial=0.0)) or 1.0
-        self._now, self._before = worth / self._scale, np.empty(worth.size)
+        self._at_once = Answer.within(at_once, ROUNDOFF * start.size, transitions.is_certified)
+        self._chain, begins, last = that_matter(transitions, start, values)
+        self._rate, self._scale = jump_rate(self._chain), float(last.max(initial=0.0)) or 1.0
+        self._now, self._before = last / self._scale, np.empty(last.size)
         self._begins = np.flatnonzero(begins)
         self._chances = begins[self._begins]
         self._blocks: list[Floats] = []  # of means before each step
@@ -88,10 +68,10 @@ class BackwardPass:
         self._tops: list[float] = []  # the largest value after each block
         self._is_settled = False
 
-    def at(self, time: float) -> LimitedValue:
+    def at(self, time: float) -> Answer:
         """The mean at a time, tu."""
         if time == 0.0 or not self._chain.rates.any():
-            return self._at_once._replace(is_bound=time == 0.0 or self._at_once.is_bound)
+            return self._at_once if time > 0.0 else replace(self._at_once, kind=PROVEN)
         first, weights = self._window(time)
         shares, doubts = np.zeros(first + weights.size), np.zeros(first + weights.size)
         shares[first:], doubts[first:] = weights, weights_errors(self._rate * time, first, weights.size)
@@ -101,13 +81,14 @@ class BackwardPass:
         wrong += ROUNDOFF * _sum_terms(terms) * float(terms.sum())
         return self._within(float(terms.sum()), wrong, 1.0)
 
-    def integral(self, time: float) -> LimitedValue:
+    def integral(self, time: float) -> Answer:
         """The mean of the integral from 0 to a time, tu."""
         if time == 0.0:
-            return LimitedValue(0.0, 0.0, 0.0, True)
+            return Answer(0.0, 0.0, 0.0)
         if not self._chain.rates.any():
-            value, low, high, is_bound = self._at_once
-            return LimitedValue(value * time, low * time, high * time, is_bound).wider(2.0 * ROUNDOFF)
+            once = self._at_once
+            whole = replace(once, value=once.value * time, low=once.low * time, high=once.high * time)
+            return whole.inflated(2.0 * ROUNDOFF)
         first, weights = self._window(time)
         # of the number of steps N: P(N > n), whose sum over n is its mean
         tails, wrongs = np.ones(first + weights.size), np.zeros(first + weights.size)
@@ -121,6 +102,19 @@ class BackwardPass:
         wrong += ROUNDOFF * (_sum_terms(terms) + 3.0) * float(terms.sum())
         return self._within(float(terms.sum()), wrong, time)
 
+    def second_moment(self, time: float, left: bool = False) -> float:
+        """Mean of the integral of 2 t times the values, or of 2 (time - t), for t from 0 to a time, tu; no bounds."""
+        if not self._chain.rates.any():
+            return self._at_once.value * time**2
+        first, weights = self._window(time)
+        tails = np.ones(first + weights.size)
+        tails[first:] = sums_after(weights)
+        # 2 t Poisson(n; q t) has the integral 2 (n + 1) P(N > n + 1) / q**2, the other that of all later tails
+        shares = sums_after(tails) if left else np.arange(1, tails.size + 1) * np.append(tails[1:], 0.0)
+        shares *= 2.0 / self._rate**2
+        means, *_ = self._known(shares, time)
+        return float(shares[: means.size] @ means)
+
     def _window(self, time: float) -> tuple[int, Floats]:
         steps = steps_until(self._chain, time)
         if steps > MAX_STEPS:
@@ -128,11 +122,14 @@ class BackwardPass:
                 f"the chain is too stiff for a pass backwards: {steps:.3g} steps until {time:g} tu, at most "
                 f"{MAX_STEPS}; ask for an earlier time"
             )
+        left = 0.0 if self._is_settled else steps - (self._ends[-1] if self._ends else 0)
+        n, listed = self._now.size, self._chain.rates.size
+        forecast(max(left, 0.0) * STEP_SECONDS * (n + listed), f"up to {rough(left)} steps back over {n} states")
         return poisson_window(self._rate * time, LEFT_OUT)
 
-    def _within(self, value: float, wrong: float, unit: float) -> LimitedValue:
+    def _within(self, value: float, wrong: float, unit: float) -> Answer:
         lost = LOST * self._scale * unit
-        return LimitedValue.within(value, 0.0, self._chain.is_certified, 1.001 * wrong + lost)
+        return Answer.within(value, 0.0, self._chain.is_certified, 1.001 * wrong + lost)
 
     def _known(self, shares: Floats, time: float) -> tuple[Floats, Floats, float]:
         """Means (n,) before so many steps that the sum of shares (n_steps,) of them is known; their relative errors.
@@ -151,7 +148,7 @@ class BackwardPass:
             if rest <= end * ROUNDOFF * known:  # less than the steps round
                 n_steps = end
         means = np.concatenate(self._blocks[:k])[:n_steps]
-        steps, roundings = np.arange(n_steps), self._arrays[1]
+        steps, roundings = np.arange(n_steps), self._moves[1]
         drifts = np.maximum(steps - (end - 1.0), 0.0) * (2.0 * roundings + 4.0)
         if end < n_steps:
             means, rest = np.append(means, np.full(n_steps - end, means[-1])), 0.0
@@ -163,23 +160,21 @@ class BackwardPass:
 
     def _step_back(self) -> None:
         """One more block of steps, longer the more there are."""
-        from kinetics.kernels import markov
-
         done = self._ends[-1] if self._ends else 0
-        arrays, roundings = self._arrays
+        moves, roundings = self._moves
         means = np.empty(LOOK + done // 64)
-        for part in pieces(means.size, 2.0 * (arrays[1].size + self._now.size)):
-            markov.retreat(*arrays, self._begins, self._chances, self._now, self._before, means[part])
+        twins.retreat(moves, self._begins, self._chances, self._now, self._before, means)
         self._blocks.append(means)
         self._ends.append(done + means.size)
         self._tops.append(float(self._now.max()))
         self._is_settled = bool((np.abs(self._now - self._before) <= roundings * ROUNDOFF * self._before).all())
 
     @cached_property
-    def _arrays(self) -> tuple[tuple[Any, ...], float]:
-        """P as `kernels.markov.retreat` reads it, and how many roundings of a result a step with it adds at most."""
+    def _moves(self) -> tuple[Any, float]:
+        """P as `twins.retreat` reads it, and how many roundings of a result a step with it adds at most."""
         moves, stays, roundings = one_step(self._chain)
-        return (moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, stays), roundings
+        places = moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32)
+        return twins.backward_moves(*places, moves.data, stays), roundings
 
 
 def that_matter(transitions: Transitions, start: Floats, values: Floats) -> tuple[Transitions, Floats, Floats]:

@@ -1,4 +1,4 @@
-"""Solutions of a chain's linear equations with limits that are proven afterwards, from what they leave of these.
+"""Solutions of a chain's linear equations with bounds that are proven afterwards, from what they leave of these.
 
 The matrix A of such equations is an M-matrix: its inverse holds no negative number, so that an x which leaves r of
 them is wrong by at most the inverse of A times |r|, state by state. A sum in doubles cannot show an r that is small
@@ -28,7 +28,7 @@ SMALLEST = 1e-291  # what a product may lose where it is below the reach of pair
 
 
 class BoundedSolution(NamedTuple):
-    """Values (n,), none negative, and limits (n,) on their absolute errors, rounding of the rates included."""
+    """Values (n,), none negative, and bounds (n,) on their absolute errors, rounding of the rates included."""
 
     values: Floats
     errors: Floats
@@ -97,17 +97,17 @@ class Equations(ABC):
 
     @abstractmethod
     def at_most(self, weights: Floats, like: Floats, is_occupation: bool = False) -> Floats:
-        """Proven upper limits (n,) on the exact solution for weights of at least 0; inf where there are none.
+        """Proven upper bounds (n,) on the exact solution for weights of at least 0; inf where there are none.
 
-        like : (n,) their scale; some limits are tight only relative to it
+        like : (n,) their scale; some bounds are tight only relative to it
         """
 
     def solved(self, weights: Floats) -> BoundedSolution:
-        """As `solve`, for weights of at least 0, with limits on the errors."""
+        """As `solve`, for weights of at least 0, with bounds on the errors."""
         return self._certified(weights, False)
 
     def occupied(self, start: Floats) -> BoundedSolution:
-        """As `occupation`, with limits on the errors."""
+        """As `occupation`, with bounds on the errors."""
         return self._certified(start, True)
 
     def _certified(self, weights: Floats, is_occupation: bool) -> BoundedSolution:

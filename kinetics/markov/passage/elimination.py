@@ -89,7 +89,7 @@ class Elimination(Equations):
         return self._back(x / x.sum())
 
     def at_most(self, weights: Floats, like: Floats, is_occupation: bool = False) -> Floats:  # noqa: ARG002
-        """Upper limits (n,) on the solution for weights of at least 0, relative to it."""
+        """Upper bounds (n,) on the solution for weights of at least 0, relative to it."""
         found = self.occupation(weights) if is_occupation else self.solve(weights)
         return found / (1.0 - self.error) if self.error < 0.1 else np.full_like(found, np.inf)
 
@@ -162,7 +162,7 @@ class SparseFactors(Equations):
         return self._factors.solve(weights, trans="T" if is_occupation else "N")
 
     def at_most(self, weights: Floats, like: Floats, is_occupation: bool = False) -> Floats:
-        """Upper limits (n,) on the solution for weights of at least 0: a solution, and what it leaves.
+        """Upper bounds (n,) on the solution for weights of at least 0: a solution, and what it leaves.
 
         A vector w > 0 with A w >= v > 0 shows that the inverse of A takes r to w max |r| / v at most. With v the exit
         rates times `like`, w is about as much larger as the chain jumps often, whatever the units and the spread.

@@ -1,30 +1,24 @@
-"""First-passage times to a number of copies of a species."""
+"""The first-passage time of a chain to a target: moments, distribution and quantiles, each with its bounds."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from kinetics.markov.passage.arrival import Arrival
-from kinetics.markov.passage.backward import LimitedValue
-from kinetics.markov.passage.certified import BoundedSolution, Equations, leaving_rates
-from kinetics.markov.passage.elimination import mean_over
-from kinetics.markov.passage.entry import reached_states
-from kinetics.markov.passage.equations import equations
-from kinetics.markov.transient.poisson import ROUNDOFF
-from kinetics.markov.transient.search import MAX_STATES
-from kinetics.markov.transient.transitions import Transitions, totals
-from kinetics.network import Network
-from kinetics.network.sums import Counted, in_words, summed
-from kinetics.support.arrays import Counts, Floats, Ints, reals, whole_number
+from kinetics.markov.passage.until import UNDERFLOW
+from kinetics.markov.transient.transitions import Transitions
+from kinetics.support.answer import Answer, kind_of
+from kinetics.support.arrays import Floats, reals
 from kinetics.support.extras import extra
-from kinetics.support.shown import ResultTable, Shown, Tabular, facts, on_axes
-from kinetics.support.tables import figure, in_unit
+from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
+from kinetics.support.tables import counted, figure, in_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,6 +30,10 @@ DRAWN = 201  # times of a curve
 class Passage(Shown, Tabular):
     """The distribution of a first-passage time.
 
+    A run that leaves a truncated chain reaches the target at that moment at the earliest, and never at the latest: the
+    cdf of the time lies between those of the two (Munsky & Khammash 2006, doi:10.1063/1.2145882). Values are those of
+    the latest, bounds those of both.
+
     target : the target, in words
     mean : mean of the time; inf where the target may never be reached
     probability : probability of ever reaching the target
@@ -43,8 +41,10 @@ class Passage(Shown, Tabular):
     n_states : number of states before the target
     transitions : among these states and the target, which is the last
     start : probabilities of these states at time 0
-    is_bound : whether errors and limits are proven; not by a rate law that cannot be bounded
+    is_bound : whether errors and bounds are proven; not by a rate law that cannot be bounded
     time_unit : name of the unit of all times, "" where none is stated
+    earliest : of a truncated chain, the time until it reaches the target or its edge
+    cpu_seconds : processor time that mean and probability took
 
     >>> from kinetics import Network, first_passage
     >>> found = first_passage(Network.from_text("A -> B, 0.1"), {"A": 1}, "B")  # exponential, with mean 10
@@ -64,21 +64,52 @@ class Passage(Shown, Tabular):
     start: Floats = field(repr=False)
     is_bound: bool = True
     time_unit: str = ""
+    earliest: Passage | None = None
+    cpu_seconds: float = 0.0
     _spread: Callable[[], tuple[float, float]] = field(default=lambda: (np.nan, np.nan), repr=False)
 
     @property
     def headline(self) -> str:
         """Of what it is, its mean, and the number of states."""
-        return f"time until {self.target}: mean {self._in_words(self.mean, '.4g')}; {self.n_states} states"
+        return f"time until {self.target}: {self._mean_in_words}; {self.n_states} states"
 
     def summary(self) -> ResultTable:
-        """Mean, standard deviation, probability and some quantiles, and how well they are known."""
-        times = {"mean": self.mean, "sd": self.sd}
-        times |= {f"{100 * q:g} % have arrived by": float(self.quantile(q)) for q in (0.05, 0.5, 0.95)}
-        values = {name: self._in_words(value, ".6g") for name, value in times.items()}
-        kind = "proven" if self.is_bound else "estimated"
-        note = f"solved, not sampled: relative error of mean and probability {self.error:.1g}, {kind}"
-        return facts(self.headline, values | {"probability": f"{self.probability:.6g}"}, [note])
+        """Mean, standard deviation, probability and some quantiles, with their bounds."""
+        rows = []
+        for what in ("mean", "sd", "probability", 0.05, 0.5, 0.95):
+            answer = self.answer(what)
+            title = what if isinstance(what, str) else f"{100 * what:g} % have arrived by"
+            value = figure(answer.value, ".6g") if what == "probability" else self._in_words(answer.value, ".6g")
+            rows.append((title, value, answer.bounds_text))
+        notes = [f"solved, not sampled; bounds: {kind_of(self.is_bound)}"]
+        if self.earliest is not None:
+            notes.append("truncated: the bounds hold for any behaviour outside, and the values count nothing of it")
+        return ResultTable(self.headline, ("", "value", "bounds"), rows, notes)
+
+    def answer(self, what: str | float) -> Answer:
+        """The "mean", "sd" or "probability", or the quantile of a probability, with bounds."""
+        began = time.process_time()
+        if what == "mean":
+            found = Answer(self.mean, *self.mean_bounds)
+        elif what == "probability":
+            found = Answer(self.probability, *self.probability_bounds)
+        elif what == "sd" and self.earliest is None:
+            found = Answer.within(self.sd, self.sd_error, True)
+        elif what == "sd":
+            return Answer.none("a truncated chain bounds no standard deviation")
+        else:
+            low, high = self.quantile_bounds(what)
+            found = Answer(float(self.quantile(what)), float(low), float(high))
+        method = "uniformisation" if isinstance(what, float) else "linear equations"
+        seconds = time.process_time() - began + (self.cpu_seconds if what in ("mean", "probability") else 0.0)
+        size = counted(self.n_states, "state")
+        return replace(found, kind=kind_of(self.is_bound), method=method, cpu_seconds=seconds, why=size)
+
+    @property
+    def _mean_in_words(self) -> str:
+        if self.earliest is not None:
+            return f"mean at least {self._in_words(self.mean_bounds[0], '.6g')}"
+        return f"mean {self._in_words(self.mean, '.4g')}"
 
     def _in_words(self, time: float, form: str) -> str:
         return in_unit(figure(time, form), self.time_unit * bool(np.isfinite(time)))
@@ -93,6 +124,28 @@ class Passage(Shown, Tabular):
         """Whether some way leads to the target, however unlikely it is."""
         is_target = np.arange(self.start.size) == self.start.size - 1
         return bool(self.transitions.leading_to(is_target)[self.start > 0.0].any())
+
+    @property
+    def mean_bounds(self) -> tuple[float, float]:
+        """Lower and upper bound of the mean; the upper one is inf where a chain is truncated."""
+        low = self._first
+        return low.mean * (1.0 - low.error), self.mean * (1.0 + self.error)
+
+    @property
+    def probability_bounds(self) -> tuple[float, float]:
+        """Lower and upper bound of the probability of ever reaching the target."""
+        if self.is_certain:
+            return 1.0, 1.0
+        high = self._first
+        most = high.probability * (1.0 + high.error)
+        if most < UNDERFLOW and high.may_reach:  # too small for numbers, or known to few digits
+            most += UNDERFLOW
+        return self.probability * (1.0 - self.error) if self.probability > UNDERFLOW else 0.0, min(most, 1.0)
+
+    @property
+    def _first(self) -> Passage:
+        """The passage that bounds the time from below."""
+        return self.earliest or self
 
     @property
     def sd(self) -> float:
@@ -121,17 +174,15 @@ class Passage(Shown, Tabular):
         return _at(times, self._arrival.survival)[0]
 
     def cdf_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        """Lower and upper limits of the cdf (...), from truncation and all rounding, that of the rates included.
+        """Lower and upper bounds of the cdf (...), from truncation and all rounding, that of the rates included.
 
         Where it is small, they are close relative to it.
         """
-        low, high = _at(times, self._arrival.cdf)[1:]
-        return low, high
+        return _at(times, self._arrival.cdf)[1], _at(times, self._first._arrival.cdf)[2]
 
     def survival_bounds(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        """Lower and upper limits of the survival (...), likewise."""
-        low, high = _at(times, self._arrival.survival)[1:]
-        return low, high
+        """Lower and upper bounds of the survival (...), as of the cdf."""
+        return _at(times, self._first._arrival.survival)[1], _at(times, self._arrival.survival)[2]
 
     def quantile(self, q: ArrayLike) -> Floats:
         """Times (...) by which the target has been reached with probability q (...); inf where that never happens."""
@@ -139,10 +190,11 @@ class Passage(Shown, Tabular):
         return np.array([self._quantile(float(one)) for one in asked.ravel()]).reshape(asked.shape)
 
     def quantile_bounds(self, q: ArrayLike) -> tuple[Floats, Floats]:
-        """Lower and upper limits of the quantiles (...); the upper one is inf where q may never be reached."""
+        """Lower and upper bounds of the quantiles (...); the upper one is inf where q may never be reached."""
         asked = _probabilities(q)
-        pairs = np.array([self._quantile_bounds(float(one)) for one in asked.ravel()]).reshape(-1, 2)
-        return pairs[:, 0].reshape(asked.shape), pairs[:, 1].reshape(asked.shape)
+        low = [self._first._quantile_bounds(float(one))[0] for one in asked.ravel()]
+        high = [self._quantile_bounds(float(one))[1] for one in asked.ravel()]
+        return np.array(low).reshape(asked.shape), np.array(high).reshape(asked.shape)
 
     def _quantile_bounds(self, q: float) -> tuple[float, float]:
         if not self.is_certain and q > self.probability * (1.0 + self.error):
@@ -156,6 +208,11 @@ class Passage(Shown, Tabular):
         return self._arrival.quantile(q)
 
     def __str__(self) -> str:
+        if self.earliest is not None:
+            low, high = self.probability_bounds
+            return (
+                f"time until {self.target}: {self._mean_in_words}; reached with probability {low:.12g} to {high:.12g}"
+            )
         if self.is_certain:
             mean, sd = (self._in_words(value, ".4g") for value in (self.mean, self.sd))
             return f"time until {self.target}: mean {mean}, sd {sd}"
@@ -166,7 +223,7 @@ class Passage(Shown, Tabular):
         return np.linspace(0.0, self._quantile(0.99 * self.probability) or 1.0, DRAWN)
 
     def to_dataframe(self) -> pd.DataFrame:
-        """The distribution function up to 99 % of those that arrive: time, probability, and its limits low and high."""
+        """The distribution function up to 99 % of those that arrive: time, probability, and its bounds low and high."""
         pandas = extra("pandas")
 
         times = self._drawn_at
@@ -182,13 +239,15 @@ class Passage(Shown, Tabular):
         return plots.passage(ax, times, self.cdf(times), self.mean, self.target, self.time_unit)
 
 
-def _at(times: ArrayLike, question: Callable[[float], LimitedValue]) -> tuple[Floats, Floats, Floats]:
-    """Values (...) at times (...), and their limits."""
+def _at(times: ArrayLike, question: Callable[[float], Answer]) -> tuple[Floats, Floats, Floats]:
+    """Values (...) at times (...), and their bounds."""
     asked = np.asarray(times, dtype=float)
     flat = reals("times", asked.ravel(), (None,), minimum=0)
     latest = question(float(flat.max(initial=0.0)))  # one pass serves all
     found = [latest if time == flat.max() else question(float(time)) for time in flat]
-    values, low, high = np.array([each[:3] for each in found]).reshape(-1, 3).T.reshape(3, *asked.shape)
+    values, low, high = (
+        np.array([(each.value, each.low, each.high) for each in found]).reshape(-1, 3).T.reshape(3, *asked.shape)
+    )
     return values, low, high
 
 
@@ -197,161 +256,3 @@ def _probabilities(q: ArrayLike) -> Floats:
     if np.any(~((asked >= 0) & (asked < 1))):
         raise ValueError(f"q = {asked}; expected probabilities from 0 to below 1")
     return asked
-
-
-def first_passage(
-    network: Network,
-    initial: Counts,
-    species: Counted,
-    copies: int = 1,
-    max_states: int = MAX_STATES,
-) -> Passage:
-    """The first-passage time from `initial` to at least `copies` of a species.
-
-    species : one, or a sum of several, as a mapping from species to weight
-    max_states : networks with more states before the target are refused
-    ValueError: unknown species, missing rates, too many states, or a target so remote that it cannot be solved for
-
-    Mean and variance come from linear equations on the states before the target (Norris 1997, Markov Chains, ch. 3,
-    doi:10.1017/CBO9780511810633), the distribution from uniformisation when it is first used. Where the chain may miss
-    the target for good, the mean is inf and `probability` below 1. Cost: some tens of passes over the rates, or where
-    that does not converge the number of states times the square of the band's width; for the distribution one step per
-    uniformised event. Choose it where the states can be listed; sample otherwise.
-
-    >>> from kinetics import Network, first_passage
-    >>> decay = Network.from_text("A -> B, 0.1")
-    >>> found = first_passage(decay, {"A": 3}, "B", copies=2)
-    >>> round(found.mean, 6), round(found.sd, 6)  # 10/3 + 10/2, and the root of the sum of squares
-    (8.333333, 6.009252)
-    """
-    weights, name = summed(network, species)
-    wanted = whole_number("copies", copies, 0)
-    space = reached_states(network, initial, max_states, stop=lambda states: states @ weights >= wanted)
-    start = np.eye(1, len(space))[0]
-    return passage_to(space.transitions(), start, space.is_stopped, in_words(name, wanted), network.time_unit)
-
-
-def passage_to(
-    transitions: Transitions, start: Floats, is_target: NDArray[np.bool_], target: str, unit: str = ""
-) -> Passage:
-    """The first-passage time of any chain from a start spread as `start` (N,) to the target states (N,)."""
-    chain, begins = lumped(transitions, is_target, start)
-    n, there = begins.size - 1, float(begins[-1])
-    is_bound = transitions.is_certified
-    if not begins[:n].any():
-        return Passage(target, 0.0, 1.0, 0.0, 0, chain, begins, is_bound, unit, lambda: (0.0, 0.0))
-    way = _way(chain, begins)
-    first, hits = way.first, way.hits
-    if not first.any():
-        return Passage(target, np.inf, there, 0.0, n, chain, begins, is_bound, unit)
-    chances = equations(way.rows, way.columns, way.rates, hits + way.losses, transitions.roundings)
-    if not way.is_certain:
-        chance, error = _checked(chances.solved(hits), first).mean(first)
-        chance = min(there + chance, 1.0)
-        return Passage(target, np.inf, chance, error, n, chain, begins, is_bound, unit)
-    means = _checked(chances.solved(np.ones(hits.size)), first)
-    mean, error = means.mean(first)
-    return Passage(target, mean, 1.0, error, n, chain, begins, is_bound, unit, partial(_sd, chances, way, there, means))
-
-
-def _sd(chances: Equations, way: _Way, there: float, means: BoundedSolution) -> tuple[float, float]:
-    """Standard deviation and its relative error; there : probability of beginning in the target."""
-    variances, doubt = _variances(chances, way, means)
-    spread, more = _spread(way.first, there, means)
-    within, wrong = variances.mean(way.first)
-    variance = within + spread
-    terms = 8.0 + chances.given + int(np.count_nonzero(way.first))
-    slack = 1.01 * ((mean_over(way.first, doubt) + more) / variance + terms * ROUNDOFF)
-    # Half the relative error of the variance, and that of a root.
-    return float(np.sqrt(variance)), 0.5 * (wrong + slack) + ROUNDOFF
-
-
-class _Way(NamedTuple):
-    """The states (n,) that lie on some way from the start to the target.
-
-    rows, columns, rates : (K,) among them
-    hits, losses : (n,) 1/tu, into the target and to where it can no longer be reached
-    first : (n,) probabilities of beginning in them
-    is_certain : whether the target is reached with probability 1
-    """
-
-    rows: Ints
-    columns: Ints
-    rates: Floats
-    hits: Floats
-    losses: Floats
-    first: Floats
-    is_certain: bool
-
-
-def _way(chain: Transitions, begins: Floats) -> _Way:
-    """Of a chain whose last state is the target."""
-    rows, columns, rates, *_ = chain
-    is_last = np.arange(begins.size) == begins.size - 1
-    leads = chain.leading_to(is_last)
-    way = leads & chain.reached_from(begins > 0) & ~is_last
-    place, n = np.cumsum(way) - 1, int(way.sum())
-    here = way[rows]
-    inside, hit, lost = here & way[columns], here & is_last[columns], here & ~leads[columns]
-    hits, losses = (leaving_rates(place[rows[out]], rates[out], n) for out in (hit, lost))
-    is_certain = not (losses.any() or begins[~leads].any())
-    return _Way(place[rows[inside]], place[columns[inside]], rates[inside], hits, losses, begins[way], is_certain)
-
-
-def _variances(chain: Equations, way: _Way, means: BoundedSolution) -> tuple[BoundedSolution, Floats]:
-    """Variances (n,) of the time from each state, and what the errors of the means may bring to each.
-
-    That of a step's own wait plus that of where it leads: sums of squares, so that nothing cancels between them. Within
-    a square means are subtracted: what that may be wrong by is added up by the same equations.
-    """
-    rows, columns, rates, hits, *_ = way
-    mean, each = means
-    exits = totals(rows, rates, mean.size) + hits
-    onward = mean - 1.0 / exits
-    gaps = mean[columns] - onward[rows]
-    spread = totals(rows, rates * gaps**2, mean.size) + hits * onward**2
-    variance = chain.solved(1.0 / exits + spread)
-    # a mean wait is as wrong as the rates and their sum
-    roundings = chain.given + 8.0
-    wrong = each[columns] + each[rows] + roundings * ROUNDOFF * (mean[columns] + mean[rows])
-    doubt = totals(rows, rates * wrong * (2.0 * np.abs(gaps) + wrong), mean.size)
-    doubt += hits * (each + roundings * ROUNDOFF * mean) * (2.0 * onward + each)
-    return variance, chain.at_most(doubt, variance.values)
-
-
-def _spread(first: Floats, there: float, means: BoundedSolution) -> tuple[float, float]:
-    """Variance of the mean time between the beginnings, and what that may be wrong by.
-
-    first : (n,) probabilities of beginning on the way; there : of beginning in the target
-    """
-    if there == 0.0 and np.count_nonzero(first) == 1:
-        return 0.0, 0.0
-    mean, relative = means.mean(first)
-    gaps = means.values - mean
-    wrong = means.errors + 8.0 * ROUNDOFF * (means.values + mean) + relative * mean
-    doubt = wrong * (2.0 * np.abs(gaps) + wrong)
-    return mean_over(first, gaps**2) + there * mean**2, mean_over(first, doubt) + there * 3.0 * mean * wrong.max()
-
-
-def _checked(solution: BoundedSolution, first: Floats) -> BoundedSolution:
-    """The solution, where its entries are numbers and its mean over the beginnings is known to three digits."""
-    if not np.isfinite(solution.values).all():
-        raise ValueError(
-            "the target is too remote: a mean time until it is beyond 1e308 tu; start nearer to the target"
-        )
-    if not solution.mean(first)[1] < 1e-3:
-        raise ValueError(
-            f"the target is too remote: with {first.size} states on the way, too many to eliminate, it cannot be "
-            f"solved for to three digits; start nearer to the target, or from fewer copies"
-        )
-    return solution
-
-
-def lumped(transitions: Transitions, is_target: NDArray[np.bool_], start: Floats) -> tuple[Transitions, Floats]:
-    """The chain with all targets as one last state, which is never left; and the start among these."""
-    n = int((~is_target).sum())
-    place = np.where(is_target, n, np.cumsum(~is_target) - 1)
-    goes = ~is_target[transitions.rows]
-    places = place[transitions.rows[goes]], place[transitions.columns[goes]]
-    chain = Transitions(*places, transitions.rates[goes], np.zeros(n + 1), transitions.rate_error)
-    return chain, np.append(start[~is_target], start[is_target].sum())

@@ -1,7 +1,7 @@
 """Linear equations of a Markov chain by iteration, for chains that elimination would fill up.
 
 Each round corrects the solution by what it leaves of the equations, measured relative to the solution itself, so that
-small values become right as well as large ones. The limits are proven afterwards: a vector w > 0 with A w >= v > 0
+small values become right as well as large ones. The bounds are proven afterwards: a vector w > 0 with A w >= v > 0
 shows that the inverse of A takes r to w max |r| / v at most.
 """
 
@@ -17,7 +17,7 @@ from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.support.arrays import Floats
 from kinetics.support.interrupts import pieces
 
-LARGEST = 830  # binary exponent of the largest value while limits are proven, so that small ones lose no digits
+LARGEST = 830  # binary exponent of the largest value while bounds are proven, so that small ones lose no digits
 TINY = 1e-307  # what doubles lose where they are smallest, and more
 FLOOR = 1e-290  # of the largest value: below, values are known to this
 SWEEPS = 12  # at most with the incomplete factors alone, whose results are never negative
@@ -38,7 +38,7 @@ class Comparison(NamedTuple):
     wide: Floats
     reached: Floats
 
-    def limits(self, left: Floats) -> Floats:
+    def bounds(self, left: Floats) -> Floats:
         """What the inverse of A makes of residuals no larger than these (n,)."""
         found = 1.001 * self.wide * float((left / self.reached).max(initial=0.0))
         return np.where(np.isnan(found), np.inf, found)
@@ -47,7 +47,7 @@ class Comparison(NamedTuple):
 class Iteration(Equations):
     """The equations of a chain by BiCGSTAB with incomplete factors: see `kernels.krylov`, `kernels.incomplete`.
 
-    Cost: some tens of passes over the rates. Where it does not converge, limits are wide or inf.
+    Cost: some tens of passes over the rates. Where it does not converge, bounds are wide or inf.
     """
 
     def _factor(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
@@ -87,14 +87,14 @@ class Iteration(Equations):
             return self._rough(start, True, guess)
 
     def at_most(self, weights: Floats, like: Floats, is_occupation: bool = False) -> Floats:  # noqa: ARG002
-        """Upper limits (n,) on the solution for weights of at least 0: a rough one, and what it may lack."""
+        """Upper bounds (n,) on the solution for weights of at least 0: a rough one, and what it may lack."""
         self._steps = MOST_STEPS
         with np.errstate(all="ignore"):
             found = self._rough(weights, is_occupation)
             unit = _unit(found)
             found, weights = found * unit, weights * unit
             left, doubt = self._left(weights, found, np.zeros_like(found), is_occupation)
-            wide = self._comparison(found, is_occupation).limits(np.abs(left) + doubt)
+            wide = self._comparison(found, is_occupation).bounds(np.abs(left) + doubt)
             return (1.0 + 4.0 * ROUNDOFF) * (found + wide) / unit + TINY
 
     def _certified(self, weights: Floats, is_occupation: bool, guess: Floats | None = None) -> BoundedSolution:
@@ -120,7 +120,7 @@ class Iteration(Equations):
                 low[high < 0.0] = 0.0
                 high[high < 0.0] = 0.0
                 left, doubt = self._left(weights, high, low, is_occupation)
-            errors = sure.limits(np.abs(left) + doubt)
+            errors = sure.bounds(np.abs(left) + doubt)
             errors = 1.001 * (errors + np.abs(low) + self.rates_error * (high + errors))
             nothing = high == 0.0
             if not left[nothing].any():  # sums of nothing negative

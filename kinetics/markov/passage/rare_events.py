@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.markov.passage.level_chain import LevelBins, LevelChances, LevelJumps
-from kinetics.network import Network
+from kinetics.markov.passage.level_surrogate import LevelBins, LevelChances, LevelJumps
+from kinetics.network import Model, Network
 from kinetics.support.arrays import Counts, Floats, Ints, rising_times, whole_number
 from kinetics.support.shown import ResultTable, Shown, facts
 
@@ -83,8 +83,8 @@ class RareEvent(Shown):
 
 
 def rare_event(
-    network: Network,
-    initial: Counts,
+    model: Model | Network,
+    initial: Counts | None,
     level: Level,
     threshold: float,
     end: float,
@@ -93,6 +93,7 @@ def rare_event(
 ) -> RareEvent:
     """Estimate the probability that `level` reaches `threshold` by `end`, tu, by importance splitting.
 
+    initial : counts at time 0 that go before the model's; None for these
     level : function of states (n, S) with values (n,) that rise on the way to the event, as lambda states: states[:, 0]
     runs : number of runs begun at each stage
     ValueError: no way to the event was found, or wrong input
@@ -118,7 +119,8 @@ def rare_event(
     (True, True, '0.0001639')
     """
     horizon = float(rising_times([end])[0])
-    start = network.state(initial)
+    given = Model.of(model, initial)
+    network, start = given.network, given.initial
     n = whole_number("runs", runs, 10 * REPLICATES) // REPLICATES
     network.known_rates  # noqa: B018
     sequences = np.random.SeedSequence(whole_number("seed", seed, 0)).spawn(REPLICATES + 1)

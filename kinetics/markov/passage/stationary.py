@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.markov.passage.backward import LimitedValue
 from kinetics.markov.passage.certified import BoundedSolution, Equations, leaving_rates
 from kinetics.markov.passage.elimination import MAX_FACTORED, Elimination, SparseFactors, TooLargeError, work_of
-from kinetics.markov.passage.entry import reached_states
 from kinetics.markov.passage.equations import equations, is_easy
 from kinetics.markov.passage.iteration import Iteration
 from kinetics.markov.passage.until import UNDERFLOW
 from kinetics.markov.transient import StateSpace, Transitions
 from kinetics.markov.transient.poisson import ROUNDOFF
-from kinetics.markov.transient.search import MAX_STATES
 from kinetics.markov.transient.transitions import totals
-from kinetics.network import Network
+from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Counts, Floats, read_only
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
@@ -41,8 +38,8 @@ LOWEST = -600.0  # logarithm of the smallest guess
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ChainStationary(Shown):
-    """The distribution of a chain after infinite time.
+class Stationary(Shown, Tabular):
+    """The distribution of a chain after infinite time; of a network, also by species.
 
     probabilities : (N,) of every state; 0 for transient states and those that are not reached
     classes : for each of the C closed classes, which are never left, the rows of its states
@@ -50,6 +47,12 @@ class ChainStationary(Shown):
     error : relative error of every probability down to 1e-290, rounding of the rates included; smaller probabilities
         may be lost
     is_bound : whether the error is proven; not by a rate law that cannot be bounded
+    space : the states of the network behind the chain, if there is one; ValueError where counts are asked for without
+
+    >>> from kinetics import Network, stationary
+    >>> found = stationary(Network.from_text("A <-> B, 2, 3"), {"A": 2})
+    >>> found.mean().round(9).tolist(), found.sd().round(6).tolist(), round(found.probability({"A": 2}), 9)
+    ([1.2, 0.8], [0.69282, 0.69282], 0.36)
     """
 
     probabilities: Floats
@@ -57,6 +60,7 @@ class ChainStationary(Shown):
     weights: Floats
     error: float
     is_bound: bool
+    space: StateSpace | None = None
 
     def __post_init__(self) -> None:
         for array in (self.probabilities, self.weights):
@@ -69,53 +73,33 @@ class ChainStationary(Shown):
         return f"stationary distribution of {self.probabilities.size} states, {classes}"
 
     def summary(self) -> ResultTable:
-        """The closed classes, the likeliest first, at most `MOST_CLASSES` of them."""
-        order = np.argsort(-self.weights, kind="stable")[:MOST_CLASSES]
-        rows = [(str(c + 1), f"{self.weights[c]:.6g}", str(len(self.classes[c]))) for c in order]
-        return ResultTable(self.headline, ("closed class", "probability", "states"), rows, self._notes)
+        """Mean and standard deviation of every species; of a chain without species, the likeliest closed classes."""
+        notes = [f"solved, not sampled: relative error of a probability {self.error:.1g}, {kind_of(self.is_bound)}"]
+        if self.space is None:
+            order = np.argsort(-self.weights, kind="stable")[:MOST_CLASSES]
+            classes = [(str(c + 1), f"{self.weights[c]:.6g}", str(len(self.classes[c]))) for c in order]
+            return ResultTable(self.headline, ("closed class", "probability", "states"), classes, notes)
+        columns = zip(self.space.network.species, self.mean(), self.sd(), strict=True)
+        rows = [(name, f"{mean:.6g}", f"{sd:.4g}") for name, mean, sd in columns]
+        return ResultTable(self.headline, ("species", "mean", "sd"), rows, notes)
 
     @property
-    def _notes(self) -> list[str]:
-        kind = "proven" if self.is_bound else "estimated"
-        return [f"solved, not sampled: relative error of a probability {self.error:.1g}, {kind}"]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Stationary(ChainStationary, Tabular):
-    """The distribution of a network's states after infinite time, starting from one state; all are reachable.
-
-    space : the states
-    probabilities : (N,) of every state, each with the relative error `error`
-    classes, weights, is_bound : the closed classes, the probability of ending up in each, and whether `error` is proven
-
-    >>> from kinetics import Network, stationary
-    >>> found = stationary(Network.from_text("A <-> B, 2, 3"), {"A": 2})
-    >>> found.mean().round(9).tolist(), found.sd().round(6).tolist(), round(found.probability({"A": 2}), 9)
-    ([1.2, 0.8], [0.69282, 0.69282], 0.36)
-    """
-
-    space: StateSpace
-
-    def summary(self) -> ResultTable:
-        """Mean and standard deviation of every species."""
-        means, sds = self.mean(), self.sd()
-        rows = [
-            (name, f"{mean:.6g}", f"{sd:.4g}")
-            for name, mean, sd in zip(self.space.network.species, means, sds, strict=True)
-        ]
-        return ResultTable(self.headline, ("species", "mean", "sd"), rows, self._notes)
+    def _space(self) -> StateSpace:
+        if self.space is None:
+            raise ValueError("this chain comes from no network, so its states have no counts; use probabilities")
+        return self.space
 
     def mean(self) -> Floats:
         """Mean counts (S,)."""
-        return self.probabilities @ self.space.states
+        return self.probabilities @ self._space.states
 
     def sd(self) -> Floats:
         """Standard deviations (S,) of the counts."""
-        return np.sqrt(self.probabilities @ (self.space.states - self.mean()) ** 2)
+        return np.sqrt(self.probabilities @ (self._space.states - self.mean()) ** 2)
 
     def marginal(self, species: str) -> Floats:
         """Probabilities (M + 1,) of 0, 1, ..., M copies of one species."""
-        copies = self.space.states[:, self.space.network.index(species)]
+        copies = self._space.states[:, self._space.network.index(species)]
         return totals(copies, self.probabilities, 0)
 
     def probability(self, state: Counts) -> float:
@@ -123,13 +107,13 @@ class Stationary(ChainStationary, Tabular):
 
         0 for states that cannot be reached. ValueError: an unknown species
         """
-        return float(self.probabilities[self.space.rows_with(state)].sum())
+        return float(self.probabilities[self._space.rows_with(state)].sum())
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per species and number of copies: its probability."""
         pandas = extra("pandas")
 
-        shares = {name: self.marginal(name) for name in self.space.network.species}
+        shares = {name: self.marginal(name) for name in self._space.network.species}
         keys = {
             "species": np.repeat(list(shares), [share.size for share in shares.values()]),
             "copies": np.concatenate([np.arange(share.size) for share in shares.values()]),
@@ -141,11 +125,11 @@ class Stationary(ChainStationary, Tabular):
         """Plot the distribution of the copies of one species, or of each, as steps; returns `ax`."""
         from kinetics.support import plots
 
-        names = self.space.network.species if species is None else (species,)
+        names = self._space.network.species if species is None else (species,)
         for name in names:
             shares = self.marginal(name)
             edges = np.arange(shares.size + 1) - 0.5
-            shade = {"color": plots.colour(self.space.network.index(name))}
+            shade = {"color": plots.colour(self._space.network.index(name))}
             ax.stairs(shares, edges, label=name, fill=len(names) == 1, alpha=0.4 if len(names) == 1 else 1.0, **shade)
         ax.set_xlabel(f"copies of {names[0]}" if len(names) == 1 else "copies")
         ax.set_ylabel("stationary probability")
@@ -154,29 +138,7 @@ class Stationary(ChainStationary, Tabular):
         return ax
 
 
-def stationary(network: Network, initial: Counts, max_states: int = MAX_STATES) -> Stationary:
-    """The stationary distribution to which the chain converges from `initial`.
-
-    max_states : networks with more reachable states, or infinitely many, are refused
-    ValueError: missing rates, too many states, or a spread beyond sparse factors with a band too wide to eliminate
-
-    Each closed class is solved by iteration, as time between visits to a likely state; where it is small or narrow, or
-    that proves no error, by elimination without subtractions (Grassmann, Taksar & Heyman 1985,
-    doi:10.1287/opre.33.5.1107) or sparse factors. Where the chain may end up in several, they are weighted by the
-    probability of ending up in each. Cost: some tens of passes over the rates, else of the factors, or the number of
-    states times the square of the band's width.
-
-    >>> from kinetics import Network, stationary
-    >>> found = stationary(Network.from_text("A <-> B, 2, 3"), {"A": 2})
-    >>> found.marginal("B").round(9).tolist(), found.error < 1e-12  # binomial, with probability 0.4
-    ([0.36, 0.48, 0.16], True)
-    """
-    space = reached_states(network, initial, max_states)
-    found = stationary_of(space.transitions(), np.eye(1, len(space))[0])
-    return Stationary(**vars(found), space=space)
-
-
-def stationary_of(transitions: Transitions, start: Floats) -> ChainStationary:
+def stationary_of(transitions: Transitions, start: Floats) -> Stationary:
     """The stationary distribution of any chain from a start spread as `start` (N,)."""
     from scipy.sparse.csgraph import connected_components
 
@@ -204,15 +166,15 @@ def stationary_of(transitions: Transitions, start: Floats) -> ChainStationary:
             f"the stationary distribution is out of reach: {refusal}; start from fewer copies, or solve for a late time"
         ) from None
     error = weights_error + rest_error + 2.0 * ROUNDOFF * (weights_error + rest_error > 0)
-    return ChainStationary(probabilities, tuple(classes), weights[is_reached], error, transitions.is_certified)
+    return Stationary(probabilities, tuple(classes), weights[is_reached], error, transitions.is_certified)
 
 
-def mean_in_the_end(rest: ChainStationary, values: Floats) -> LimitedValue:
+def steady_mean(rest: Stationary, values: Floats) -> Answer:
     """Mean of values (N,), none negative, after infinite time."""
     value, error = float(rest.probabilities @ values), rest.error + ROUNDOFF * (values.size + 1)
-    # of states that are held in the end, however rarely
+    # of states that are held in the steady state, however rarely
     lost = UNDERFLOW * sum(float(values[members].sum()) for members in rest.classes)
-    return LimitedValue.within(value, error, rest.is_bound, lost)
+    return Answer.within(value, error, rest.is_bound, lost)
 
 
 def _graph(rows: NDArray[Any], columns: NDArray[Any], n: int) -> Any:

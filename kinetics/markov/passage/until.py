@@ -1,67 +1,68 @@
-"""Whether a chain reaches a target on the way through given states; what is earned until then."""
+"""Whether a chain reaches a target on the way through given states; the reward accumulated until then."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.markov.passage.backward import LimitedValue
 from kinetics.markov.passage.certified import BoundedSolution, Equations, leaving_rates
 from kinetics.markov.passage.equations import equations
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import Transitions, totals
+from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Floats
 
 UNDERFLOW = 1e-290  # what probabilities may lose below
 Mask = NDArray[np.bool_]
-CERTAIN = LimitedValue(1.0, 1.0, 1.0, True)
-IMPOSSIBLE = LimitedValue(0.0, 0.0, 0.0, True)
+CERTAIN = Answer(1.0, 1.0, 1.0)
+IMPOSSIBLE = Answer(0.0, 0.0, 0.0)
 
 
-class OnTheWay(NamedTuple):
-    """What is earned, or the chance of an end, from every state on the way to it.
+class Solved(NamedTuple):
+    """The accumulated reward, or the chance of an end, from every transient state.
 
-    chain : the stopped chain; way : (N,) its states from which the start leads to an end
-    equation : of the chain on the way
-    first : (n,) probabilities of beginning in each of the n states on the way
-    solution : (N,) on the way what was solved for, elsewhere what is known; with limits on the errors
+    chain : the stopped chain; transient : (N,) its states from which the start leads to an end
+    equation : of the chain on the transient states
+    first : (n,) probabilities of beginning in each of the n transient states
+    solution : (N,) in transient states what was solved for, elsewhere what is known; with bounds on the errors
     """
 
     chain: Transitions
-    way: Mask
+    transient: Mask
     equation: Equations
     first: Floats
     solution: BoundedSolution
 
     @classmethod
-    def of(cls, chain: Transitions, start: Floats, way: Mask, known: Floats, earning: Floats) -> OnTheWay:
-        """The mean of what is earned (N,) a time unit on the way, and of what is `known` (N,) where it ends."""
-        rows, columns, rates, *_ = chain
-        place, n = np.cumsum(way) - 1, int(way.sum())
-        inside, out = way[rows] & way[columns], way[rows] & ~way[columns]
+    def of(cls, chain: Transitions, start: Floats, transient: Mask, known: Floats, rates: Floats) -> Solved:
+        """The mean of a reward at `rates` (N,) in transient states, and of what is `known` (N,) where they end."""
+        rows, columns, jumps, *_ = chain
+        place, n = np.cumsum(transient) - 1, int(transient.sum())
+        inside, out = transient[rows] & transient[columns], transient[rows] & ~transient[columns]
         here = place[rows[out]]
-        leaving = leaving_rates(here, rates[out], n)
-        equation = equations(place[rows[inside]], place[columns[inside]], rates[inside], leaving, chain.roundings)
-        values, errors = np.where(way, 0.0, known), np.zeros(way.size)
-        weights = leaving_rates(here, rates[out] * values[columns[out]], n) + earning[way]
-        values[way], errors[way] = equation.solved(weights)
+        leaving = leaving_rates(here, jumps[out], n)
+        equation = equations(place[rows[inside]], place[columns[inside]], jumps[inside], leaving, chain.roundings)
+        values, errors = np.where(transient, 0.0, known), np.zeros(transient.size)
+        weights = leaving_rates(here, jumps[out] * values[columns[out]], n) + rates[transient]
+        values[transient], errors[transient] = equation.solved(weights)
         if not np.isfinite(values).all():
-            raise ValueError("the target is too remote: what is earned until then is beyond 1e308; start nearer to it")
-        return cls(chain, way, equation, start[way], BoundedSolution(values, errors))
+            raise ValueError("the target is too remote: the reward until then is beyond 1e308; start nearer to it")
+        return cls(chain, transient, equation, start[transient], BoundedSolution(values, errors))
 
     def mean(self) -> tuple[float, float]:
-        """The mean over the start, where it is on the way, and its relative error."""
+        """The mean over the start, where it is transient, and its relative error."""
         values, errors = self.solution
-        return BoundedSolution(values[self.way], errors[self.way]).mean(self.first)
+        return BoundedSolution(values[self.transient], errors[self.transient]).mean(self.first)
 
 
 class Ending(NamedTuple):
     """A value, and how it was solved for: None where no rate matters."""
 
-    limited: LimitedValue
-    solved: OnTheWay | None = None
+    found: Answer
+    solved: Solved | None = None
 
 
 def until(transitions: Transitions, start: Floats, through: Mask, target: Mask) -> Ending:
@@ -70,20 +71,20 @@ def until(transitions: Transitions, start: Floats, through: Mask, target: Mask) 
     By linear equations (see `equations`), with a relative error; exactly 0 or 1 where no rate that is above 0 matters.
     """
     chain = transitions.stopped(target | ~through)
-    leads, seen = chain.leading_to(target), chain.reached_from(start > 0)
-    if not (leads & seen).any():
-        return Ending(IMPOSSIBLE._replace(is_bound=chain.is_certified))
-    if leads[seen].all():
-        return Ending(CERTAIN._replace(is_bound=chain.is_certified))
+    coreachable, reachable = chain.leading_to(target), chain.reached_from(start > 0)
+    if not (coreachable & reachable).any():
+        return Ending(replace(IMPOSSIBLE, kind=kind_of(chain.is_certified)))
+    if coreachable[reachable].all():
+        return Ending(replace(CERTAIN, kind=kind_of(chain.is_certified)))
     at_once = float(start[target].sum())
-    if not start[leads & ~target].any():
-        return Ending(LimitedValue.within(at_once, ROUNDOFF * start.size, chain.is_certified))
-    way = leads & seen & ~target
-    solved = OnTheWay.of(chain, start, way, target.astype(float), np.zeros(start.size))
+    if not start[coreachable & ~target].any():
+        return Ending(Answer.within(at_once, ROUNDOFF * start.size, chain.is_certified))
+    transient = coreachable & reachable & ~target
+    solved = Solved.of(chain, start, transient, target.astype(float), np.zeros(start.size))
     reached, relative = solved.mean()
     error = relative + ROUNDOFF * (start.size + 1)
-    found = LimitedValue.within(at_once + reached, error, chain.is_certified, UNDERFLOW)
-    return Ending(found.capped(), solved)
+    found = Answer.within(at_once + reached, error, chain.is_certified, UNDERFLOW)
+    return Ending(found.clipped(), solved)
 
 
 def always(transitions: Transitions, start: Floats, states: Mask) -> Ending:
@@ -92,30 +93,30 @@ def always(transitions: Transitions, start: Floats, states: Mask) -> Ending:
     return until(transitions, start, states, trapped)
 
 
-def earned_until(transitions: Transitions, start: Floats, earning: Floats, target: Mask) -> Ending:
-    """Mean of what is earned at `earning` (N,) a time unit until the target is reached.
+def accumulated_until(transitions: Transitions, start: Floats, rates: Floats, target: Mask) -> Ending:
+    """Mean of a reward at `rates` (N,) a time unit until the target is reached.
 
-    ValueError: the target may never be reached, and what is earned has no finite mean
+    ValueError: the target may never be reached, and the reward has no finite mean
     """
     chain = transitions.stopped(target)
-    leads, seen = chain.leading_to(target), chain.reached_from(start > 0)
-    if not leads[seen].all():
-        chance = until(transitions, start, np.ones_like(target), target).limited.value
+    coreachable, reachable = chain.leading_to(target), chain.reached_from(start > 0)
+    if not coreachable[reachable].all():
+        chance = until(transitions, start, np.ones_like(target), target).found.value
         raise ValueError(
-            f"the target is reached with probability {chance:.6g} only, so what is earned until then has no finite "
-            f"mean; ask for what is earned up to a time, or for a target that is certain"
+            f"the target is reached with probability {chance:.6g} only, so a reward until then has no finite mean; ask "
+            f"for the reward up to a time, or for a target that is certain"
         )
-    way = seen & ~target
-    if not start[way].any():
+    transient = reachable & ~target
+    if not start[transient].any():
         return Ending(IMPOSSIBLE)
-    solved = OnTheWay.of(chain, start, way, np.zeros(start.size), earning)
-    return Ending(LimitedValue.within(*solved.mean(), chain.is_certified), solved)
+    solved = Solved.of(chain, start, transient, np.zeros(start.size), rates)
+    return Ending(Answer.within(*solved.mean(), chain.is_certified), solved)
 
 
-def earning_with(transitions: Transitions, earning: Floats, worth: Floats | None) -> tuple[Floats, float]:
-    """What is earned (N,) a time unit, with what each jump is worth (K,), and the relative error of the sum."""
-    if worth is None:
-        return earning, 0.0
-    rows, _, rates, *_ = transitions
+def rate_reward(transitions: Transitions, rates: Floats, impulses: Floats | None) -> tuple[Floats, float]:
+    """The rate (N,) of a reward that also has impulses (K,) at jumps, and the relative error of the sum."""
+    if impulses is None:
+        return rates, 0.0
+    rows, _, jumps, *_ = transitions
     terms = int(np.bincount(rows, minlength=1).max())
-    return earning + totals(rows, rates * worth, earning.size), ROUNDOFF * (transitions.roundings + terms + 3)
+    return rates + totals(rows, jumps * impulses, rates.size), ROUNDOFF * (transitions.roundings + terms + 3)

@@ -76,7 +76,7 @@ class SolvingMethod(ABC):
 
 
 class ProbabilityTable(NamedTuple):
-    """Probabilities (T, N), the limit on their error summed over all states at any time, and whether it is proven."""
+    """Probabilities (T, N), the bound on their error summed over all states at any time, and whether it is proven."""
 
     probabilities: Floats
     error: float

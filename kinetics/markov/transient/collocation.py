@@ -17,6 +17,7 @@ from kinetics.markov.transient.radau import RadauStep, fill
 from kinetics.markov.transient.states import StateSpace
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.cli.progress import forecast, limit_in_words
 from kinetics.support.memory import check_memory
 
 if TYPE_CHECKING:
@@ -79,10 +80,11 @@ class Collocation(ListingMethod):
         if seconds > self.max_seconds:
             raise ValueError(
                 f"{n} states would take about {plan.steps:.0f} steps until {grid[-1]:g}, up to {seconds:.3g} s; "
-                f"max_seconds = {self.max_seconds:g} (predict --budget, in minutes); raise it, ask for earlier times, "
+                f"{limit_in_words(self.max_seconds)}; raise it, ask for earlier times, "
                 f"start from fewer copies, or sample with the direct method"
             )
         check_memory(f"the factors of {n} states", plan.n_bytes, "start from fewer copies")
+        forecast(seconds, f"some {plan.steps:.0f} steps of collocation over {n} states")
         entries = best_entries(transitions, space)
         found, error = integrate(entries, start, grid, plan, self.tolerance, self.max_seconds)
         return ProbabilityTable(found, error, entries.is_certified)

@@ -28,7 +28,7 @@ class Distribution(Shown, Tabular):
 
     times : (T,) tu
     probabilities : (T, N), none negative
-    error : limit on the absolute error summed over all states, at any time, from truncation, rounding, and the rounding
+    error : bound on the absolute error summed over all states, at any time, from truncation, rounding, and the rounding
         of the rates
     is_bound : whether `error` is a proven bound; otherwise it is an estimate, as by a rate law that cannot be bounded
     is_complete : whether the space holds all reachable states; otherwise the missing probability is at most `error`
@@ -79,7 +79,7 @@ class Distribution(Shown, Tabular):
         return self.probabilities @ self.space.states
 
     def mean_bounds(self) -> tuple[Floats, Floats]:
-        """Lower and upper limits of the mean counts (T, S); no upper limit (inf) where the space is not complete."""
+        """Lower and upper bounds of the mean counts (T, S); no upper bound (inf) where the space is not complete."""
         mean, top = self.mean(), self.space.states.max(axis=0)
         # At worst all of the error is on the largest count; and a sum of N positive terms rounds.
         slack = (self.error + SLACK * len(self.space)) * top
@@ -97,7 +97,7 @@ class Distribution(Shown, Tabular):
         return np.stack([(away.T * p) @ away for away, p in self._about_the_mean()])
 
     def covariance_bounds(self) -> tuple[Floats, Floats]:
-        """Lower and upper limits of the covariances (T, S, S); no finite limits where the space is not complete."""
+        """Lower and upper bounds of the covariances (T, S, S); no finite bounds where the space is not complete."""
         value = self.covariance()
         spans = np.stack([np.abs(away).max(axis=0) for away, _ in self._about_the_mean()])
         # At worst all of the error is on the state farthest out, and it moves the mean.
@@ -131,7 +131,7 @@ class Distribution(Shown, Tabular):
         return self.probabilities[:, self.space.rows_with(state)].sum(axis=1)
 
     def probability_bounds(self, state: Counts) -> tuple[Floats, Floats]:
-        """Lower and upper limits of the probability (T,) of these counts, as `probability` reads them."""
+        """Lower and upper bounds of the probability (T,) of these counts, as `probability` reads them."""
         rows = self.space.rows_with(state)
         value = self.probabilities[:, rows].sum(axis=1)
         slack = self.error + SLACK * max(rows.size - 1, 0)  # a sum of n positive terms rounds n - 1 times
@@ -162,7 +162,7 @@ class Distribution(Shown, Tabular):
         )
 
     def to_xarray(self) -> xr.Dataset:
-        """Mean, its limits, and sd, with dimensions time and species; the probability of each number of copies."""
+        """Mean, its bounds, and sd, with dimensions time and species; the probability of each number of copies."""
         low, high = self.mean_bounds()
         figures = {"mean": self.mean(), "low": low, "high": high, "sd": self.sd()}
         variables: dict[str, Any] = {name: (("time", "species"), values) for name, values in figures.items()}

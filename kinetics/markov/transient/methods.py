@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.markov.transient.base import SolvingMethod
 from kinetics.markov.transient.distribution import Distribution
 from kinetics.support.arrays import Counts
@@ -21,11 +21,13 @@ SOLVING_METHODS: tuple[type[SolvingMethod], ...] = members(globals(), SolvingMet
 BY_NAME = {method.name: method for method in SOLVING_METHODS}
 
 
-def solve(network: Network, method: SolvingMethod | str, initial: Counts, times: ArrayLike) -> Distribution:
-    """Probability of every state at `times` (T,), tu, without sampling; the same as `method.solve`.
+def solve(
+    model: Model | Network, method: SolvingMethod | str, initial: Counts | None = None, times: ArrayLike = ()
+) -> Distribution:
+    """Probability of every state at `times` (T,), tu, without sampling.
 
     method : one with its settings, or its name: "exact" and the others of `SOLVING_METHODS`
-    initial : counts (S,) at time 0, or by name, as in {"A": 100}
+    initial : counts at time 0, as in {"A": 100}, that go before the model's; None for these
     ValueError: no such name, missing rates, or more states or work than the method allows
     TypeError: neither a name nor a solving method
 
@@ -41,4 +43,5 @@ def solve(network: Network, method: SolvingMethod | str, initial: Counts, times:
         if method not in BY_NAME:
             raise ValueError(f"unknown solving method {method!r}; they are {', '.join(BY_NAME)}")
         method = BY_NAME[method]()
-    return method.solve(network, initial, times)
+    given = Model.of(model, initial)
+    return method.solve(given.network, given.initial, times)

@@ -18,7 +18,7 @@ from kinetics.markov.transient.states import StateSpace
 from kinetics.markov.transient.uniformisation import MAX_STEPS, DiscreteChain, Mixtures, mixtures
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints
-from kinetics.support.cli.progress import stage
+from kinetics.support.cli.progress import limit_in_words, stage
 from kinetics.support.memory import check_memory
 
 ADVICE = "Ask for earlier times, a larger tolerance or fewer copies, sample instead, or raise max_states"
@@ -196,8 +196,7 @@ class _Front:
             raise ValueError(
                 f"the chain is too stiff or too large for a projection: {self.time:.4g} of {self.grid[-1]:g} took "
                 f"{self.steps:.3g} steps on up to {chain.size} states, and all would take {total:.3g} or more, about "
-                f"{cost:.3g} s; at most {MAX_STEPS} steps and max_seconds = {limit:g} s (which may be raised; predict "
-                f"--budget, in minutes); ask for "
+                f"{cost:.3g} s; at most {MAX_STEPS} steps and {limit_in_words(limit)}, which may be raised; ask for "
                 f"earlier times, lower the fastest rates, use the method 'exact' if it reaches few states, or sample"
             )
 

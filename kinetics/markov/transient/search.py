@@ -12,6 +12,7 @@ from kinetics.kernels.outcomes import OVERFLOW
 from kinetics.markov.transient.endless import endless_growth
 from kinetics.native import twins
 from kinetics.network import Network
+from kinetics.network.network import check_homogeneous
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Ints
 
@@ -69,7 +70,7 @@ class Search:
         max_states: int = MAX_STATES,
         stop: Callable[[Ints], Mask] | None = None,
     ) -> None:
-        network.check_homogeneous()
+        check_homogeneous(network)
         works = network.sparse_stoichiometry.has_entries
         if network.rate_constants is not None:
             works &= network.rate_constants * network.ways > 0

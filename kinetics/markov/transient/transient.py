@@ -16,7 +16,7 @@ from kinetics.markov.transient.states import StateSpace
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.markov.transient.uniformisation import BLOCK, BLOCK_BYTES, MAX_STEPS, DiscreteChain, mixtures
 from kinetics.support.arrays import Floats
-from kinetics.support.cli.progress import forecast
+from kinetics.support.cli.progress import forecast, limit_in_words
 from kinetics.support.memory import check_memory
 from kinetics.support.tables import rough
 
@@ -80,7 +80,7 @@ class Transient(ListingMethod):
         if seconds > self.max_seconds:
             raise ValueError(
                 f"{n} states would take {steps:.3g} steps until {grid[-1]:g}, up to {seconds:.3g} s; "
-                f"max_seconds = {self.max_seconds:g} (predict --budget, in minutes); raise it, ask for earlier times, "
+                f"{limit_in_words(self.max_seconds)}; raise it, ask for earlier times, "
                 f"start from fewer copies, or sample with the direct method"
             )
         forecast(seconds, f"{rough(steps)} steps over {n} states")

@@ -20,6 +20,8 @@ from kinetics.markov.transient.poisson import ROUNDOFF, poisson_bounds, poisson_
 from kinetics.markov.transient.transitions import RATE_ERROR, Transitions
 from kinetics.native import twins
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.cli.progress import forecast
+from kinetics.support.tables import rough
 
 BLOCK = 64  # steps whose vectors are kept and mixed by one matrix product
 BLOCK_BYTES = 2**29  # of these vectors
@@ -222,6 +224,7 @@ class Absorption:
         begin = self._absorbed.size
         if n_steps <= begin:
             return
+        forecast((n_steps - begin) * self._chain.step_seconds, f"{rough(n_steps)} steps over {self._chain.size} states")
         # By half as much again each time, so that many small requests copy little.
         more = max(n_steps, begin + begin // 2) - begin
         absorbed, alive, flows = np.empty(more), np.empty(more), np.empty(more)

@@ -246,6 +246,35 @@ void absorb(const ChainMoves *steps, double *vector, double *other, double *abso
         memcpy(vector, now, (size_t)steps->n * sizeof *vector);
 }
 
+/* Steps backwards, v <- P v, P's diagonal in the place of exits; before each step its mean over the start. */
+void retreat(const ChainMoves *steps, const int64_t *starts, const double *chances, int64_t n_starts, double *vector,
+             double *other, double *means, int64_t n_steps)
+{
+    double *now = vector, *before = other;
+    for (int64_t b = 0; b < n_steps; b++) {
+        double mean = 0.0;
+        for (int64_t m = 0; m < n_starts; m++)
+            mean += chances[m] * now[starts[m]];
+        means[b] = mean;
+        double *swapped = now;
+        now = before, before = swapped;
+        uint32_t end = steps->begins[0];
+        for (int64_t i = 0; i < steps->n; i++) {
+            double value = steps->exits[i] * before[i];
+            const uint32_t begin = end;
+            end = steps->begins[i + 1];
+            for (uint32_t k = begin; k < end; k++)
+                value += steps->shares[k] * before[steps->sources[k]];
+            now[i] = value;
+        }
+    }
+    if (now != vector)
+        for (int64_t i = 0; i < steps->n; i++) {
+            const double value = vector[i];
+            vector[i] = other[i], other[i] = value;
+        }
+}
+
 CLONES void mix(const int64_t *rows, const double *weights, int64_t n_rows, int64_t n_steps, const double *vectors,
                 int64_t n, double *mixed)
 {

@@ -116,6 +116,20 @@ static void begin(const Model *model, const int64_t *counts, const Room *room)
     room->copies[model->n_species] = 1.0;
 }
 
+/* Whether the condition holds: stopping.holds. */
+static int holds(const Stop *stop, const int64_t *counts)
+{
+    int64_t place = 0;
+    while (place >= 0) {
+        const double *row = stop->table + place, *end = row + TERMS + 2 * (int64_t)row[N_TERMS];
+        double total = 0.0;
+        for (const double *term = row + TERMS; term < end; term += 2)
+            total += term[1] * (double)counts[(int64_t)term[0]];
+        place = (int64_t)(row[LOW] <= total && total <= row[HIGH] ? row[YES] : row[NO]);
+    }
+    return place == HOLDS;
+}
+
 /* Where a run stands. */
 typedef struct {
     double clock[3];
@@ -124,8 +138,8 @@ typedef struct {
 } Standing;
 
 /* Go on with a run until it has passed so many times of the grid, or has had so many events. */
-INLINE int go_on(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last, Standing *at,
-                 int64_t *out)
+INLINE int advance(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last,
+                   Standing *at, int64_t *out, const Stop *stop)
 {
     const int64_t n_species = model->n_species;
     uint64_t s[4]; /* copies, which the compiler keeps in registers */
@@ -153,10 +167,24 @@ INLINE int go_on(const Model *model, const Room *room, const double *grid, int64
             break;
         }
         n_events++;
+        if (stop && stop->is_watched[chosen] && holds(stop, room->counts))
+            outcome = STOPPED;
     }
     memcpy(at->stream, s, sizeof s);
     at->clock[0] = t, at->passed = passed, at->n_events = n_events;
     return outcome;
+}
+
+static int go_on(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last, Standing *at,
+                 int64_t *out)
+{
+    return advance(model, room, grid, n_times, last, at, out, NULL);
+}
+
+static int go_on_until(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last,
+                       Standing *at, int64_t *out, const Stop *stop)
+{
+    return advance(model, room, grid, n_times, last, at, out, stop);
 }
 
 static double *make_room(const Model *model, const int64_t *counts, Room *room)
@@ -180,7 +208,7 @@ enum { RUN, PASSED, EVENTS, LOOK }; /* as in direct.py */
 /* `direct.ensemble`: the outcome, -1 without memory. The grid has n_times times. */
 int direct(const Model *model, int64_t *counts, double *clock, uint64_t *stream, int64_t *notes, const int64_t *initial,
            const double *grid, int64_t n_times, const uint64_t *key, int64_t first_run, const int64_t *limits,
-           int64_t runs, int64_t *out, int64_t most)
+           int64_t runs, int64_t *out, int64_t most, const Stop *stop, double *reached)
 {
     Room room;
     Standing at;
@@ -199,7 +227,16 @@ int direct(const Model *model, int64_t *counts, double *clock, uint64_t *stream,
         }
         const int64_t made = at.n_events, last = notes[LOOK] < made + most ? notes[LOOK] : made + most;
         const int64_t needed = notes[RUN] < limits[2] ? limits[0] : limits[1];
-        outcome = go_on(model, &room, grid, needed, last, &at, out + notes[RUN] * n_times * model->n_species);
+        int64_t *counts_of_run = out + notes[RUN] * n_times * model->n_species;
+        outcome = stop ? go_on_until(model, &room, grid, needed, last, &at, counts_of_run, stop)
+                       : go_on(model, &room, grid, needed, last, &at, counts_of_run);
+        if (outcome == STOPPED) {
+            reached[notes[RUN]] = at.clock[0];
+            for (; at.passed < needed; at.passed++)
+                memcpy(counts_of_run + at.passed * model->n_species, room.counts,
+                       (size_t)model->n_species * sizeof *counts_of_run);
+            outcome = REACHED_END;
+        }
         most -= at.n_events - made;
         if (outcome == REACHED_END) {
             most--;
@@ -218,7 +255,7 @@ int direct(const Model *model, int64_t *counts, double *clock, uint64_t *stream,
 
 /* Go on with a run until `end`, or until the buffers of events are full: the outcome, -1 without memory. */
 int events(const Model *model, int64_t *counts, double *clock, const double *end, uint64_t *stream, double *times,
-           int64_t *fired, int64_t most, int64_t *n_events)
+           int64_t *fired, int64_t most, int64_t *n_events, const Stop *stop)
 {
     Room room;
     double t = clock[0], *memory = make_room(model, counts, &room);
@@ -244,6 +281,8 @@ int events(const Model *model, int64_t *counts, double *clock, const double *end
         }
         times[*n_events] = t;
         fired[(*n_events)++] = channel;
+        if (stop && stop->is_watched[channel] && holds(stop, room.counts))
+            outcome = STOPPED;
     }
     if (memory)
         memcpy(counts, room.counts, (size_t)model->n_species * sizeof *counts);

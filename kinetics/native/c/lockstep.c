@@ -227,10 +227,45 @@ static int is_stuck(Work *work, int64_t lane)
     return !(total > LEAST_TOTAL && total < INFINITY) || work->still[lane] >= (int64_t)MOST_STILL;
 }
 
+/* Whether the condition holds in a lane: stopping.holds. */
+static int holds(const Work *work, const Stop *stop, int64_t lane)
+{
+    int64_t place = 0;
+    while (place >= 0) {
+        const double *row = stop->table + place, *end = row + TERMS + 2 * (int64_t)row[N_TERMS];
+        double total = 0.0;
+        for (const double *term = row + TERMS; term < end; term += 2)
+            total += term[1] * work->counts[(int64_t)term[0]][lane];
+        place = (int64_t)(row[LOW] <= total && total <= row[HIGH] ? row[YES] : row[NO]);
+    }
+    return place == HOLDS;
+}
+
+/* Whether no run is to end, as far as a single comparison of all lanes at once shows it. */
+CLONES static int none_holds(Work *work, const Stop *stop, int64_t active)
+{
+    const double *row = stop->table;
+    if (row[YES] >= 0.0 || row[NO] >= 0.0)
+        return 0;
+    double *total = work->part;
+    for (int64_t lane = 0; lane < active; lane++)
+        total[lane] = 0.0;
+    for (int64_t k = 0; k < (int64_t)row[N_TERMS]; k++) {
+        const double weight = row[TERMS + 2 * k + 1], *counts = work->counts[(int64_t)row[TERMS + 2 * k]];
+        for (int64_t lane = 0; lane < active; lane++)
+            total[lane] += weight * counts[lane];
+    }
+    const double low = row[LOW], high = row[HIGH];
+    int64_t n_inside = 0;
+    for (int64_t lane = 0; lane < active; lane++)
+        n_inside += (low <= total[lane]) & (total[lane] <= high);
+    return row[YES] == HOLDS ? n_inside == 0 : n_inside == active;
+}
+
 /* `lockstep.lockstep`. The grid has n_times times. */
 void lockstep(const Model *model, Work *work, const int64_t *initial, const double *grid, int64_t n_times,
               const uint64_t *key, int64_t first_run, const int64_t *limits, int64_t runs, int64_t *out, char *is_odd,
-              int64_t most)
+              int64_t most, const Stop *stop, double *reached)
 {
     const int64_t n_species = model->n_species, last = work->steps + most;
     int64_t active = work->active;
@@ -276,6 +311,21 @@ void lockstep(const Model *model, Work *work, const int64_t *initial, const doub
             }
         }
         finish_step(work, active);
+        const int64_t n_asked = stop && !none_holds(work, stop, active) ? active : 0;
+        for (int64_t lane = 0; lane < n_asked; lane++) {
+            if (work->run[lane] < 0 || !stop->is_watched[work->chosen[lane]] || !holds(work, stop, lane))
+                continue;
+            reached[work->run[lane]] = work->t[lane];
+            for (int64_t k = work->seen[lane]; k < n_times; k++)
+                for (int64_t s = 0; s < n_species; s++)
+                    out[(work->run[lane] * n_times + k) * n_species + s] = (int64_t)work->counts[s][lane];
+            if (work->runs < runs) {
+                begin_lane(work, lane, initial, grid, key, first_run, limits);
+            } else {
+                work->run[lane] = -1;
+                n_ended++;
+            }
+        }
         if (n_ended > 0)
             active = closed_ranks(work, active);
     }

@@ -15,6 +15,14 @@ typedef struct {
     int any_general;
 } Model;
 
+/* The condition at which runs end: see `ensemble_work.Stop`, whose table has these entries of a comparison. */
+enum { LOW, HIGH, YES, NO, N_TERMS, TERMS };
+typedef struct {
+    const char *is_watched; /* (G + 1,) */
+    const double *table;
+} Stop;
+
+#define HOLDS (-1)
 #define MOST_STILL 1000.0 /* events in a row that do not move the clock: as in clock.py */
 
 #endif

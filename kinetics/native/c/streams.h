@@ -8,7 +8,7 @@
 
 #define BLOCK 8
 
-enum { REACHED_END, UNFINISHED, STALLED_CLOCK, OVERFLOW_ }; /* as in outcomes.py */
+enum { REACHED_END, UNFINISHED, STALLED_CLOCK, OVERFLOW_, STOPPED = 14 }; /* as in outcomes.py */
 
 #if defined(__GNUC__)
 #define INLINE static inline __attribute__((always_inline))

@@ -30,9 +30,10 @@ class Event:
 
     These are the events of SBML Level 3: initialValue, useValuesFromTriggerTime, delay, persistent.
 
+    >>> from dataclasses import replace
     >>> from kinetics import Network, simulate
     >>> from kinetics.network.laws import Event
-    >>> decay = Network.from_text("A -> 0, 10").with_events([Event("dose", "t >= 5", {"A": "A + 100"})])
+    >>> decay = replace(Network.from_text("A -> 0, 10"), events=[Event("dose", "t >= 5", {"A": "A + 100"})])
     >>> simulate(decay, "general", {"A": 3}, [4.9, 5.0, 9.0], runs=1, seed=1)["A"].tolist()
     [[0, 100, 0]]
     """

@@ -11,14 +11,14 @@ from typing import Literal
 import numpy as np
 
 from kinetics.assembly import Derivation, RuleBook, Structure, StructureEvent, check, derive
+from kinetics.network import Model
 from kinetics.predicting.ranking.yield_and_first_time import (
-    Figure,
-    Question,
     YieldAndFirstTime,
     load_kernels,
     yield_and_first_time,
 )
 from kinetics.rates import ClassRates
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, read_only
 from kinetics.support.cli.progress import stage
 
@@ -47,8 +47,8 @@ class RankedBook:
     drawn: Floats
     cpu_seconds: float
 
-    def figure(self, measure: Measure) -> Figure:
-        """The figure that `measure` ranks by."""
+    def answer(self, measure: Measure) -> Answer:
+        """The answer that `measure` ranks by."""
         return self.result.yield_ if measure == "yield" else self.result.first
 
     def from_rates(self, measure: Measure) -> tuple[float, float] | None:
@@ -125,12 +125,23 @@ def ranked_book(
     # A stream for each book, so that the figures of different books are independent in whatever order they come.
     words = np.random.SeedSequence([seed, int(book.fingerprint, 16)]).generate_state(2, np.uint64)
     own_seed = int(words[0]) << 64 | int(words[1])
-    found = yield_and_first_time(_question(derivation, rates, cubes, horizon), runs, own_seed, max_states)
+    species = derivation.network.species
+    counts = {species[derivation.species_of(book.monomer())]: cubes}
+    grown_from = book.seed()
+    if grown_from is not None:
+        grown = species[derivation.species_of(grown_from)]
+        counts[grown] = counts.get(grown, 0) + 1
+    target, possible = species[derivation.species_of(_target(book))], possible_targets(book, cubes)
+
+    def figures(at: ClassRates, n: int, first_run: int = 0, like: YieldAndFirstTime | None = None) -> YieldAndFirstTime:
+        model = Model.of(at.apply(derivation), counts)
+        return yield_and_first_time(model, target, possible, horizon, n, own_seed, max_states, first_run, like)
+
+    found = figures(rates, runs)
     table = np.empty((len(drawn), 2))
     for number, (row, some) in enumerate(zip(table, drawn, strict=True)):
         stage(f"{book.name}: {number} of {len(drawn)} draws of the rates")
-        question = _question(derivation, some, cubes, horizon)
-        one = yield_and_first_time(question, RUNS_PER_DRAW, own_seed, max_states, runs + number * RUNS_PER_DRAW, found)
+        one = figures(some, RUNS_PER_DRAW, runs + number * RUNS_PER_DRAW, found)
         row[:] = one.yield_.value, one.first.value
     return RankedBook(
         book.name,
@@ -141,17 +152,6 @@ def ranked_book(
         read_only(table),
         time.process_time() - began,
     )
-
-
-def _question(derivation: Derivation, rates: ClassRates, cubes: int, horizon: float) -> Question:
-    network, book = rates.apply(derivation), derivation.book
-    initial = np.zeros(len(network.species), dtype=np.int64)
-    initial[derivation.species_of(book.monomer())] = cubes
-    seed = book.seed()
-    if seed is not None:
-        initial[derivation.species_of(seed)] += 1
-    target = derivation.species_of(_target(book))
-    return Question(network, initial, target, possible_targets(book, cubes), horizon)
 
 
 def _target(book: RuleBook) -> Structure:

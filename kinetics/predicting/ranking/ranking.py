@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,8 +19,9 @@ from kinetics.predicting.ranking.ranked_book import (
     ranked_book,
     target_shape,
 )
-from kinetics.predicting.ranking.yield_and_first_time import MAX_STATES, Figure
+from kinetics.predicting.ranking.yield_and_first_time import MAX_STATES
 from kinetics.rates import ClassRates
+from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import whole_number
 from kinetics.support.cli.progress import stage
 from kinetics.support.extras import extra
@@ -47,7 +48,7 @@ class Ranking(Shown, Tabular):
     >>> from kinetics import ClassRates, rank
     >>> from kinetics.assembly import RuleBook
     >>> ranking = rank([RuleBook.load("line4")], ClassRates.uniform(join=1e-3), cubes=8, horizon=500.0)
-    >>> ranking.possible, ranking.pathways["line4"], round(ranking.books[0].figure("yield").value, 4)
+    >>> ranking.possible, ranking.pathways["line4"], round(ranking.books[0].answer("yield").value, 4)
     (2, ('1+1', '1+2', '1+3', '2+2'), 0.6834)
     """
 
@@ -74,9 +75,9 @@ class Ranking(Shown, Tabular):
             column = MEASURES.index(self.by)
             low, high = np.quantile(a.drawn[:, column] - b.drawn[:, column], LIMITS)
             return bool(low <= 0 <= high)
-        less, more = sorted((a.figure(self.by), b.figure(self.by)), key=lambda figure: figure.value)
+        less, more = sorted((a.answer(self.by), b.answer(self.by)), key=lambda answer: answer.value)
         reaches = (less.high - less.value, more.value - more.low)
-        is_exact = less.method == more.method == "exact"
+        is_exact = CONFIDENCE not in (less.kind, more.kind)
         return bool(more.value - less.value <= (sum(reaches) if is_exact else np.hypot(*reaches)))
 
     @property
@@ -118,9 +119,9 @@ class Ranking(Shown, Tabular):
                     candidate.name,
                     _short(candidate.pathway),
                     str(candidate.letters),
-                    _cell(result.yield_, candidate.from_rates("yield")),
-                    _cell(result.first, candidate.from_rates("first")),
-                    _cell(result.reached, None, with_sd=False),
+                    _cell(result.yield_, candidate.from_rates("yield"), result.yield_sd),
+                    _cell(result.first, candidate.from_rates("first"), result.first_sd),
+                    _cell(result.reached, None),
                     f"{candidate.cpu_seconds:.2g}",
                 )
             )
@@ -136,7 +137,7 @@ class Ranking(Shown, Tabular):
             f"{self.cubes} cubes, ranked by {self.by}",
             f"yield: targets at {self.horizon:g} tu over the {self.possible} possible",
             f"first: mean time to the first target, {self.horizon:g} in runs without one; reached: share with one",
-            "value (sd of a run); e: exact, by so many states; ±: 95 % of so many sampled runs, r"
+            "value (sd of a run), exact by so many states, or ± 95 % confidence by so many runs"
             + ("; []: 95 % from the rates" if self.draws else ""),
         ]
         places = {candidate.name: place for candidate, place in zip(self.books, self.places, strict=True)}
@@ -188,7 +189,7 @@ class Ranking(Shown, Tabular):
         rows = [
             {"place": book["place"], "book": book["book"], "joins": ", ".join(self.pathways[book["book"]])}
             | {"figure": name, **{key: value for key, value in book[name].items() if key != "from_rates"}}
-            | dict(zip(("rates_low", "rates_high"), book[name]["from_rates"] or (None, None), strict=True))
+            | dict(zip(("rates_low", "rates_high"), book[name].get("from_rates") or (None, None), strict=True))
             for book in self.as_dict()["books"]
             for name in ("yield", "first", "reached")
         ]
@@ -205,8 +206,8 @@ class Ranking(Shown, Tabular):
         shown = min(len(self.books), len(plots.COLOURS))
         for number, candidate in enumerate(self.books):
             spans = {measure: _span(candidate, measure) for measure in MEASURES}
-            first, amount = (candidate.figure(measure) for measure in ("first", "yield"))
-            is_exact = {first.method, amount.method} == {"exact"}
+            first, amount = (candidate.answer(measure) for measure in ("first", "yield"))
+            is_exact = CONFIDENCE not in (first.kind, amount.kind)
             colour = plots.colour(number) if number < shown else "0.6"
             label = f"{candidate.name}: {_short(candidate.pathway)}" if number < shown else ""
             ax.errorbar(
@@ -287,7 +288,7 @@ def rank(
         if not finished:
             raise
     sign = -1 if by == "yield" else 1
-    finished.sort(key=lambda c: (sign * c.figure(by).value, c.name))
+    finished.sort(key=lambda c: (sign * c.answer(by).value, c.name))
     names = {candidate.name for candidate in finished}
     return Ranking(
         tuple(finished),
@@ -331,18 +332,18 @@ def _check(books: Sequence[RuleBook], cubes: int, horizon: float, by: str) -> No
 
 def _span(candidate: RankedBook, measure: Measure) -> tuple[float, float]:
     """How far the 95 % interval reaches below and above the point, the rates' included where there is one."""
-    figure = candidate.figure(measure)
-    low, high = candidate.from_rates(measure) or (figure.low, figure.high)
-    return max(figure.value - low, 0.0), max(high - figure.value, 0.0)
+    answer = candidate.answer(measure)
+    low, high = candidate.from_rates(measure) or (answer.low, answer.high)
+    return max(answer.value - low, 0.0), max(high - answer.value, 0.0)
 
 
 def _plain(candidate: RankedBook) -> Mapping[str, Any]:
-    result = candidate.result
-    figures = {"yield": result.yield_, "first": result.first, "reached": result.reached}
+    found = candidate.result
+    spread = {"yield": found.yield_sd, "first": found.first_sd}
     return {
-        name: asdict(figure) | {"from_rates": None if name == "reached" else candidate.from_rates(name)}  # type: ignore[arg-type]
-        for name, figure in figures.items()
-    }
+        name: candidate.answer(name).to_dict() | {"sd": spread[name], "from_rates": candidate.from_rates(name)}
+        for name in MEASURES
+    } | {"reached": found.reached.to_dict()}
 
 
 def _short(pathway: tuple[str, ...]) -> str:
@@ -351,10 +352,9 @@ def _short(pathway: tuple[str, ...]) -> str:
     return shown if len(pathway) <= MAX_JOINS else f"{shown} and {len(pathway) - MAX_JOINS} more"
 
 
-def _cell(figure: Figure, from_rates: tuple[float, float] | None, with_sd: bool = True) -> str:
-    """`0.6260 (0.12) e1906` or `0.538 ± 0.008 (0.13) r1000`, with the interval from the rates."""
-    spread = f" ({figure.sd:.2g})" if with_sd else ""
+def _cell(answer: Answer, from_rates: tuple[float, float] | None, sd: float | None = None) -> str:
+    """`0.6260 (0.12), 1906 states` or `0.538 ± 0.008 (0.13), 1000 runs`, with the interval from the rates."""
+    error = f" ± {answer.error:.2g}" if answer.kind == CONFIDENCE else ""
+    spread = "" if sd is None else f" ({sd:.2g})"
     rates = "" if from_rates is None else f" [{from_rates[0]:.4g}, {from_rates[1]:.4g}]"
-    if figure.method == "exact":
-        return f"{figure.value:.4g}{spread} e{figure.size}{rates}"
-    return f"{figure.value:.4g} ± {figure.error:.2g}{spread} r{figure.size}{rates}"
+    return f"{answer.value:.4g}{error}{spread}, {answer.why}{rates}"

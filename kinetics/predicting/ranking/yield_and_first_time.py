@@ -3,77 +3,32 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
-from kinetics.markov.passage.restricted import restricted_passage
+from kinetics.markov.chain import Chain
+from kinetics.markov.network_questions import chain_to
+from kinetics.markov.passage.backward import BackwardPass, steps_until
+from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient import Transient
-from kinetics.network import Network
-from kinetics.network.laws import Event
+from kinetics.markov.transient.uniformisation import STEP_SECONDS
+from kinetics.network import Model, Network
 from kinetics.network.laws.expression import quoted
-from kinetics.network.sparse_tables import SparseTable
-from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
-from kinetics.support.arrays import Floats, Ints, whole_number
+from kinetics.support.answer import CONFIDENCE, Answer, kind_of
+from kinetics.support.arrays import Floats, whole_number
+from kinetics.support.cli.progress import forecast
 from kinetics.support.intervals import student_quantile
+from kinetics.support.tables import counted, rough
 
 MAX_STATES = 100_000
 MAX_SECONDS = 40.0  # of one exact figure, by the solvers' own estimate, which does not depend on the machine
 TOLERANCE = 1e-13  # probability that uniformisation may leave out
 TAIL = 0.025
-TICKS = 2**40  # to the horizon: how finely a sampled run notes its first time
-DEARER = 4000.0  # ns an event, by which noting may be dearer; some 50 events then make up for a path's own 0.3 ms
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A mean over runs, and how well it is known.
-
-    value, sd : mean, and spread of a single run
-    low, high : 95 % interval of the mean by Monte Carlo; of an exact figure its numerical error, a bound or,
-        where the chain is stiff and has over 500 states, an estimate
-    method : `exact` or `ssa`
-    size : states of an exact figure, runs of a sampled one
-    cpu_seconds : what it cost; figures from the same runs share their cost
-    """
-
-    value: float
-    sd: float
-    low: float
-    high: float
-    method: str
-    size: int
-    cpu_seconds: float
-
-    @property
-    def error(self) -> float:
-        """How far the interval reaches from the value at most."""
-        return max(self.value - self.low, self.high - self.value)
-
-
-@dataclass(frozen=True)
-class Question:
-    """The question to a network: its yield and first time, from where, of what, and until when.
-
-    initial : (S,) counts at time 0
-    target : index of the target species
-    possible : largest number of its copies that the tank could hold
-    horizon : tu, above 0
-    """
-
-    network: Network
-    initial: Ints
-    target: int
-    possible: int
-    horizon: float
-
-    def __post_init__(self) -> None:
-        if not 0 < self.horizon < np.inf:
-            raise ValueError(f"horizon = {self.horizon:g}; expected a positive number of tu")
+WithSpread = tuple[Answer, float]  # a mean over runs, and the standard deviation of one run
 
 
 @dataclass(frozen=True)
@@ -84,170 +39,133 @@ class YieldAndFirstTime:
         mean exists and both methods estimate the same (the restricted mean of survival analysis)
     reached : probability of a first target by the horizon
     yield_ : targets at the horizon, as a fraction of those possible
+    first_sd, yield_sd : spread of first and yield_ from run to run
+
+    Answers from the same runs share their cost.
     """
 
-    first: Figure
-    reached: Figure
-    yield_: Figure
+    first: Answer
+    reached: Answer
+    yield_: Answer
+    first_sd: float
+    yield_sd: float
 
 
 def yield_and_first_time(
-    question: Question,
+    model: Model,
+    target: str,
+    possible: int,
+    horizon: float,
     runs: int,
     seed: int,
     max_states: int = MAX_STATES,
     first_run: int = 0,
     like: YieldAndFirstTime | None = None,
 ) -> YieldAndFirstTime:
-    """Exact where the states are few enough, each figure for itself; else from `runs` sampled runs.
+    """Yield and first time of the target: exact if the states are few enough, each for itself; else from `runs` runs.
 
+    target : its species
+    possible : largest number of its copies that the tank could hold
+    horizon : tu, above 0
     max_states : solved exactly up to these; 0 for sampled figures only
     first_run : number of the first run; with one seed, runs of different numbers are independent
     like : the answers at other rates; what was too large there is not tried again
     """
+    if not 0 < horizon < np.inf:
+        raise ValueError(f"horizon = {horizon:g}; expected a positive number of tu")
     load_kernels()
     passage = amount = None
-    if max_states and (like is None or like.first.method == "exact"):
-        passage = _exact_passage(question, max_states)
-    if max_states and (like is None or like.yield_.method == "exact"):
-        amount = _exact_yield(question, max_states)
-    if passage is not None and amount is not None:
-        return YieldAndFirstTime(*passage, amount)
-    first, reached, sampled = _sampled(question, runs, seed, first_run)
-    if passage is not None:
-        first, reached = passage
-    return YieldAndFirstTime(first, reached, sampled if amount is None else amount)
+    if max_states and (like is None or like.first.kind != CONFIDENCE):
+        passage = _exact_passage(model, target, horizon, max_states)
+    if max_states and (like is None or like.yield_.kind != CONFIDENCE):
+        amount = _exact_yield(model, target, possible, horizon, max_states)
+    if passage is None or amount is None:
+        *sampled_passage, sampled_amount = _sampled(model, target, possible, horizon, runs, seed, first_run)
+        passage, amount = passage or sampled_passage, amount or sampled_amount
+    (first, first_sd), (reached, _), (yield_, yield_sd) = *passage, amount
+    return YieldAndFirstTime(first, reached, yield_, first_sd, yield_sd)
 
 
 @cache
 def load_kernels() -> None:
     """Load kernels and libraries by a tank of one copy that decays, so that this is no cost of the first figure."""
     network = Network(("x",), ("decay",), np.array([[1]]), np.array([[-1]]), np.ones(1), np.ones(1))
-    question = Question(network, np.array([1]), 0, 1, 1.0)
-    _exact_passage(question, MAX_STATES)
-    _exact_yield(question, MAX_STATES)
-    _sampled(question, 2, 0, 0)
+    model = Model(network, np.array([1]))
+    _exact_passage(model, "x", 1.0, MAX_STATES)
+    _exact_yield(model, "x", 1, 1.0, MAX_STATES)
+    _sampled(model, "x", 1, 1.0, 2, 0, 0)
 
 
-def _exact_passage(question: Question, max_states: int) -> tuple[Figure, Figure] | None:
+def _exact_passage(model: Model, target: str, end: float, max_states: int) -> list[WithSpread] | None:
     """First target, and probability of it by the horizon; None where the solver refuses: too many states or steps."""
     began = time.process_time()
-    network, end = question.network, question.horizon
-    target = network.species[question.target]
     try:
-        found = restricted_passage(network, question.initial, target, end, 1, max_states, MAX_SECONDS)
+        chain, goal = chain_to(model, None, target, 1, max_states)
+        steps = steps_until(chain.transitions, end)
+        seconds = 2.0 * steps * STEP_SECONDS * (chain.transitions.rates.size + len(chain))
+        if not seconds <= MAX_SECONDS:
+            return None
+        forecast(seconds, f"{rough(steps)} steps over {len(chain)} states")
+        first, reached, sd = first_by(chain, goal, end)
     except ValueError:
         return None
-    cost = time.process_time() - began
-    sd = max(found.reached * (1.0 - found.reached), 0.0) ** 0.5
-    return (
-        _exact(found.mean, found.sd, found.mean_error, end, found.n_states, cost),
-        _exact(found.reached, sd, found.reached_error, 1.0, found.n_states, cost),
-    )
+    chance, cost = reached.value, time.process_time() - began
+    found = {"method": "exact", "cpu_seconds": cost, "why": counted(len(chain), "state")}
+    spread = (max(chance * (1.0 - chance), 0.0)) ** 0.5
+    return [(replace(first, **found), sd), (replace(reached, **found), spread)]  # type: ignore[arg-type]
 
 
-def _exact_yield(question: Question, max_states: int) -> Figure | None:
+def first_by(chain: Chain, goal: Mask, horizon: float) -> tuple[Answer, Answer, float]:
+    """Mean of min(T, horizon), tu, with T the time until the goal (N,); P(T <= horizon); sd of the first.
+
+    Two questions to the chain: for how long it is outside the goal, and whether it is inside at the horizon.
+    """
+    outside, inside = (BackwardPass(chain.transitions, chain.initial, held.astype(float)) for held in (~goal, goal))
+    first, reached = outside.integral(horizon), inside.at(horizon).clipped()
+    # from the moments of the time, or of what it leaves of the horizon, whichever is smaller: the difference loses less
+    if first.value <= 0.5 * horizon:
+        variance = outside.second_moment(horizon) - first.value**2
+    else:
+        variance = inside.second_moment(horizon, left=True) - inside.integral(horizon).value ** 2
+    first = replace(first, value=min(first.value, horizon), high=min(first.high, horizon))
+    return first, reached, max(variance, 0.0) ** 0.5
+
+
+def _exact_yield(model: Model, target: str, possible: int, horizon: float, max_states: int) -> WithSpread | None:
     """Targets at the horizon over those possible; None where the solver refuses."""
     began = time.process_time()
     method = Transient(TOLERANCE, max_states, MAX_SECONDS)
     try:
-        end = method.solve(question.network, question.initial, [question.horizon])
+        end = method.solve(model.network, model.initial, [horizon])
     except ValueError:
         return None
-    mean, sd, high = (
-        table[0, question.target] / question.possible for table in (end.mean(), end.sd(), end.mean_bounds()[1])
-    )
-    return _exact(float(mean), float(sd), float(high - mean), 1.0, len(end.space), time.process_time() - began)
+    place = model.network.index(target)
+    mean, sd, high = (table[0, place] / possible for table in (end.mean(), end.sd(), end.mean_bounds()[1]))
+    low, top, cost = float(mean) - float(high - mean), min(float(high), 1.0), time.process_time() - began
+    size = counted(len(end.space), "state")
+    return Answer(float(mean), max(low, 0.0), top, kind_of(end.is_bound), "exact", cost, size), float(sd)
 
 
-def _exact(value: float, sd: float, error: float, top: float, states: int, cost: float) -> Figure:
-    return Figure(value, sd, max(value - error, 0.0), min(value + error, top), "exact", states, cost)
-
-
-def _sampled(question: Question, runs: int, seed: int, first_run: int) -> tuple[Figure, Figure, Figure]:
-    """First target, probability of it by the horizon, and yield, from the same runs.
-
-    The runs are those of `sample_path`, made in one call with their first times noted by an event; one by one as whole
-    paths where the method that takes an event is far dearer, as it is with thousands of channels.
-    """
-    n, end = whole_number("runs", runs, 2), question.horizon
+def _sampled(
+    model: Model, target: str, possible: int, end: float, runs: int, seed: int, first_run: int
+) -> tuple[WithSpread, WithSpread, WithSpread]:
+    """First target, probability of it by the horizon, and yield, from the same runs, those of `sample_path`."""
+    n = whole_number("runs", runs, 2)
     began = time.process_time()
-    network, noting = question.network, _noting(question)
-    size = NetworkSize.of(network)
-    is_dear = path_method(noting).cost(size) - path_method(network).cost(size) > DEARER
-    forecast_runs(network, path_method(network), question.initial, np.array([end]), n)
-    times, targets = (_from_paths if is_dear else _noted)(question, noting, n, seed, first_run)
-    is_reached = ~np.isnan(times)
-    first = np.where(is_reached, times, end)
+    network, start, method = model.network, model.initial, path_method(model.network)
+    forecast_runs(network, method, start, np.array([end]), n)
+    until = f"{quoted(target)} >= 1"
+    found = method.simulate(network, start, end, n, seed, first_run=first_run, until=until)
+    targets = method.simulate(network, start, [end], n, seed, first_run=first_run)[target][:, 0]
     cost = time.process_time() - began
     return (
-        _mean(first, end, cost),
-        _mean(is_reached.astype(float), 1.0, cost),
-        _mean(targets / question.possible, 1.0, cost),
+        _mean(found.observed, end, cost),
+        _mean(found.is_reached.astype(float), 1.0, cost),
+        _mean(targets / possible, 1.0, cost),
     )
 
 
-def _noted(question: Question, noting: Network, runs: int, seed: int, first_run: int) -> tuple[Floats, Ints]:
-    """First times (runs,), nan where there is none, and targets at the horizon (runs,), from the network that notes."""
-    start, end = np.append(question.initial, 0), question.horizon
-    counts = path_method(noting).simulate(noting, start, [end], runs, seed, first_run=first_run).counts[:, 0]
-    ticks = counts[:, -1] - 1.0  # 0 at the start, then rounded up
-    times = np.maximum(ticks - 0.5, 0.0) / TICKS * end
-    return np.where(ticks >= 0, times, np.nan), counts[:, question.target]
-
-
-def _from_paths(question: Question, _: Network, runs: int, seed: int, first_run: int) -> tuple[Floats, Ints]:
-    """First times (runs,), nan where there is none, and targets at the horizon (runs,), from whole paths."""
-    network, end = question.network, question.horizon
-    method, target = path_method(network), network.species[question.target]
-    times, targets = np.empty(runs), np.empty(runs, dtype=np.int64)
-    made = method.sample_paths(network, question.initial, end, seed, first_run)
-    for i, path in zip(range(runs), made, strict=False):
-        times[i], targets[i] = path.first_time(target), path.at([end])[0, question.target]
-    return times, targets
-
-
-def _noting(question: Question) -> Network:
-    """The network with one more species, whose count notes the time of the first target, in ticks from 1.
-
-    An event sets it and no channel needs it, so the runs are those of the network itself, and the kernel makes them
-    all in one call.
-    """
-    network, target = question.network, question.network.species[question.target]
-    name = _free_name("noted", network.species)
-    first = Event(
-        _free_name("first target", [event.name for event in network.events]),
-        f"{quoted(target)} >= 1 and {name} < 1",
-        {name: f"1 + ceil(t / {float(question.horizon)!r} * {TICKS})"},
-        was_true=False,
-    )
-    reactants, changes = (
-        SparseTable(table.starts, table.columns, table.copies, table.n_columns + 1)
-        for table in (network.sparse_reactants, network.sparse_stoichiometry)
-    )
-    return Network.from_sparse(
-        (*network.species, name),
-        network.channels,
-        reactants,
-        changes,
-        network.ways,
-        network.known_rates,
-        network.combinations,
-        laws=network.laws,
-        events=(*network.events, first),
-        at_zero=network.at_zero,
-        time_unit=network.time_unit,
-    )
-
-
-def _free_name(name: str, taken: Collection[str]) -> str:
-    """The name, with underscores behind it until it is not among those taken."""
-    while name in taken:
-        name += "_"
-    return name
-
-
-def _mean(values: Floats, top: float, cost: float) -> Figure:
+def _mean(values: Floats, top: float, cost: float) -> WithSpread:
     """Mean of values between 0 and `top` with Student's interval.
 
     Where all runs agree the spread shows nothing; the interval then allows for a share of other runs that n alike ones
@@ -261,4 +179,4 @@ def _mean(values: Floats, top: float, cost: float) -> Figure:
         mean, sd = float(values[0]), 0.0  # sums of like values round
         share = 1 - TAIL ** (1 / n)
         low, high = mean - share * mean, mean + share * (top - mean)
-    return Figure(mean, sd, max(low, 0.0), min(high, top), "ssa", n, cost)
+    return Answer(mean, max(low, 0.0), min(high, top), CONFIDENCE, "ssa", cost, counted(n, "run")), sd

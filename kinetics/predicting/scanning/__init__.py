@@ -1,9 +1,7 @@
 """Scans: questions to a model at every point of a grid of parameters, rate constants and counts at time 0."""
 
-from kinetics.predicting.scanning.answer import ScanAnswer
 from kinetics.predicting.scanning.grid import scan
 from kinetics.predicting.scanning.result import Scan
-from kinetics.predicting.scanning.scanned import ScannedModel
 from kinetics.predicting.scanning.values import read_values
 
-__all__ = ["Scan", "ScanAnswer", "ScannedModel", "read_values", "scan"]
+__all__ = ["Scan", "read_values", "scan"]

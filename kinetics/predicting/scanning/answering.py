@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kinetics.formats import NetworkModel
 from kinetics.markov.chain import Chain
-from kinetics.markov.observing import earned_in, observing, state_names
+from kinetics.markov.observing import observing, reward_rates
 from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, StationaryQuery, UntilQuery, parse
 from kinetics.markov.transient.search import TooManyStatesError
-from kinetics.predicting.scanning.answer import ESTIMATED, PROVEN, ScanAnswer
+from kinetics.network import Model
+from kinetics.network.network import is_homogeneous
+from kinetics.network.predicates import state_names
 from kinetics.predicting.scanning.sampled import check_ends, sampled_answers
-from kinetics.predicting.scanning.scanned import ScannedModel, digest_of
+from kinetics.support.answer import Answer
 from kinetics.support.stream_keys import seed_of
 
 
 @dataclass(frozen=True)
-class Asked:
+class ScanRequest:
     """What is asked at every point of a scan.
 
     max_states : where more can be reached, or rates depend on time, the point is sampled; 0: everywhere
@@ -39,31 +40,31 @@ class Asked:
         """Every question with what it was read as."""
         return [(question, parse(question)) for question in self.questions]
 
-    def key(self, model: NetworkModel) -> str:
+    def key(self, model: Model) -> str:
         """What the answers at a point depend on, as text: two points of one key have the same answers."""
-        return f"{digest_of(model)} {self!r}"
+        return f"{model.digest} {self!r}"
 
-    def stream(self, model: NetworkModel) -> int:
+    def stream(self, model: Model) -> int:
         """Seed of the runs at a point: by the model there, so that points are independent, in any grid and order."""
-        return seed_of(f"scan {self.seed} {digest_of(model)}")
+        return seed_of(f"scan {self.seed} {model.digest}")
 
 
-def answers_at(scanned: ScannedModel, asked: Asked, point: Mapping[str, float]) -> list[ScanAnswer]:
+def answers_at(model: Model, asked: ScanRequest, point: Mapping[str, float]) -> list[Answer]:
     """The answers at one point; those that a question does not have there say why."""
-    model = scanned.at(point)
+    model = model.at(point)
     try:
         exact = _exact(model, asked)
         if exact is not None:
             return exact
         return sampled_answers(model, asked.queries, asked.runs, asked.stream(model))
     except ValueError as error:
-        return [ScanAnswer.none(str(error)) for _ in asked.questions]
+        return [Answer.none(str(error)) for _ in asked.questions]
 
 
-def check_asked(model: NetworkModel, asked: Asked) -> None:
+def check_asked(model: Model, asked: ScanRequest) -> None:
     """A ValueError for what no point can answer: names that there are not, or no end where all are sampled."""
     counts = np.asarray(model.initial)[np.newaxis]
-    names = state_names(model.network, model.observables, counts)
+    names = state_names(model, counts)
     for question, query in asked.queries:
         if not asked.max_states:
             check_ends(question, query)
@@ -73,7 +74,7 @@ def check_asked(model: NetworkModel, asked: Asked) -> None:
             case AlwaysQuery(states) | StationaryQuery(states):
                 conditions = [states]
             case RewardQuery(name, until=until):
-                earned_in(model.network, model.observables, name, counts)
+                reward_rates(model, name, counts)
                 conditions = [until]
         for condition in conditions:
             if condition is not None:
@@ -82,36 +83,25 @@ def check_asked(model: NetworkModel, asked: Asked) -> None:
         names.holds(asked.within)
 
 
-def _exact(model: NetworkModel, asked: Asked) -> list[ScanAnswer] | None:
+def _exact(model: Model, asked: ScanRequest) -> list[Answer] | None:
     """The answers of the chain; None where it has too many states, or none because rates depend on time."""
-    if not asked.max_states or not _is_homogeneous(model):
+    if not asked.max_states or not is_homogeneous(model.network):
         return None
     began = time.process_time()
     try:
-        chain = Chain.of(model.network, model.initial, max_states=asked.max_states, within=asked.within)
+        chain = Chain.of(model, max_states=asked.max_states, within=asked.within)
     except TooManyStatesError:
         return None
-    chain = observing(chain, model.network, model.observables)
+    chain = observing(chain, model)
     listed = (time.process_time() - began) / len(asked.questions)
     found = []
     for _, query in asked.queries:
         try:
             answer = query.of(chain)
+            found.append(replace(answer, cpu_seconds=answer.cpu_seconds + listed))
         except ValueError as error:
-            found.append(ScanAnswer.none(str(error), states=len(chain)))
-            continue
-        kind = PROVEN if answer.is_bound else ESTIMATED
-        seconds = answer.cpu_seconds + listed
-        found.append(ScanAnswer(answer.value, answer.low, answer.high, kind, answer.method, seconds, states=len(chain)))
+            found.append(Answer.none(str(error)))
     return found
-
-
-def _is_homogeneous(model: NetworkModel) -> bool:
-    try:
-        model.network.check_homogeneous()
-    except ValueError:
-        return False
-    return True
 
 
 def tell_questions(questions: Sequence[str]) -> tuple[str, ...]:

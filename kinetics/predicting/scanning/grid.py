@@ -9,30 +9,29 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from kinetics.formats import NetworkModel
-from kinetics.network import Network
-from kinetics.predicting.scanning.answer import ScanAnswer
-from kinetics.predicting.scanning.answering import Asked, answers_at, check_asked, tell_questions
-from kinetics.predicting.scanning.crews import crew, results
-from kinetics.predicting.scanning.kept import KeptAnswers
+from kinetics.network import Model, Network
+from kinetics.network.model import CHANNEL, CONSERVED, SPECIES
+from kinetics.predicting.scanning.answering import ScanRequest, answers_at, check_asked, tell_questions
+from kinetics.predicting.scanning.checkpoints import Checkpoints
+from kinetics.predicting.scanning.executors import executor_of, results
 from kinetics.predicting.scanning.result import RESERVED, Scan, grid_points
-from kinetics.predicting.scanning.scanned import ScannedModel
-from kinetics.predicting.scanning.values import check_size
+from kinetics.predicting.scanning.values import check_size, checked_values
 from kinetics.sampling.streamed import unbroken
-from kinetics.support.arrays import Floats, whole_number
+from kinetics.support.answer import Answer
+from kinetics.support.arrays import Counts, Floats, integers, whole_number
 from kinetics.support.cli.progress import forecast, span
-from kinetics.support.tables import counted
+from kinetics.support.tables import counted, of_unit
 
 LONG = 5.0  # s of CPU; where a point takes longer, no further one is tried first
 MAX_STATES = 100_000  # listed at a point; a chain of so many takes seconds to minutes
 
 
 def scan(
-    model: Network | NetworkModel | ScannedModel | str | Path,
+    model: Model | Network,
     over: Mapping[str, ArrayLike],
     ask: str | Sequence[str],
     *,
-    initial: Mapping[str, int] | None = None,
+    initial: Counts | None = None,
     max_states: int = MAX_STATES,
     within: str | int | None = None,
     runs: int = 1000,
@@ -45,10 +44,11 @@ def scan(
 ) -> Scan:
     """Answer questions at every combination of values.
 
-    model : a network with its rates, or a network file
-    over : name -> values: a parameter, a rate constant by its channel, the count of a species at time 0, or `cubes`
+    model : a network with its rates, or a model, as `read` gives it
+    over : name -> values: a parameter, a rate constant by its channel, the count of a species at time 0, or `cubes`,
+        see `Model.kind`
     ask : questions as `wellmixed ask` takes them, such as "E[AB] @ 100" or "P=? [ F<=100 AB >= 5 ]"
-    initial : counts at time 0 that go before those of the model
+    initial : counts at time 0 that go before the model's; None for these
     max_states : a point that can reach more is sampled, as is one whose rates depend on time; 0: every point
     within : condition or number of states within which a chain is followed, as in `Chain.of`
     runs : of each point that is sampled; at least 2
@@ -57,7 +57,7 @@ def scan(
     folder : keeps the points as they come; what is there already is not made again
     tell, progress : called with a sentence on the cost, once the first points are done, and with how far it is
 
-    Exact answers have proven limits unless they say otherwise, sampled ones a 95 % interval. Points are independent,
+    Exact answers have proven bounds unless they say otherwise, sampled ones a 95 % interval. Points are independent,
     and each has its own random stream: by the seed and the model at the point, so that neither the grid, the order nor
     the number of workers matters. A question without an answer at a point, such as a mean until what may never happen,
     is `none` there and says why. After Ctrl-C the points made so far are returned; see `is_complete`. ValueError:
@@ -68,8 +68,8 @@ def scan(
     >>> found.numbers("value").round(4).tolist()
     [[1.3496], [1.9062]]
     """
-    scanned, grid = _checked(model, over, initial)
-    asked = Asked(
+    whole, grid = _checked(Model.of(model, initial), over)
+    asked = ScanRequest(
         tell_questions(ask),
         whole_number("max_states", max_states, 0),
         within,
@@ -77,15 +77,15 @@ def scan(
         whole_number("seed", seed, 0),
     )
     points = list(grid_points(grid))
-    check_asked(scanned.at(points[0]), asked)
-    keys = [asked.key(scanned.at(point)) for point in points]
-    kept = KeptAnswers(folder, asked)
-    answers: list[tuple[ScanAnswer, ...] | None] = [kept.get(key) for key in keys]
+    check_asked(whole.at(points[0]), asked)
+    keys = [asked.key(whole.at(point)) for point in points]
+    checkpoints = Checkpoints(folder, asked)
+    answers: list[tuple[Answer, ...] | None] = [checkpoints.get(key) for key in keys]
     missing = [number for number, found in enumerate(answers) if found is None]
 
-    def take(number: int, found: Sequence[ScanAnswer]) -> None:
+    def take(number: int, found: Sequence[Answer]) -> None:
         with unbroken():
-            kept.add(keys[number], found)
+            checkpoints.add(keys[number], found)
             answers[number] = tuple(found)
         done = sum(each is not None for each in answers)
         if progress is not None:
@@ -98,27 +98,20 @@ def scan(
             tell(_cost(seconds, left, len(points), workers))
 
     try:
-        with crew(whole_number("workers", workers, 1), scheduler) as executor:
-            rest = _first(missing, lambda number: take(number, answers_at(scanned, asked, points[number])), cost)
-            tasks = [(scanned, asked, points[number]) for number in rest]
+        with executor_of(whole_number("workers", workers, 1), scheduler) as executor:
+            rest = _first(missing, lambda number: take(number, answers_at(whole, asked, points[number])), cost)
+            tasks = [(whole, asked, points[number]) for number in rest]
             for place, found in results(executor, answers_at, tasks):
                 take(rest[place], found)
     except KeyboardInterrupt:
         if all(found is None for found in answers):
             raise
-    labels = {name: scanned.label(name) for name in grid}
-    return Scan(grid, asked.questions, tuple(answers), labels, scanned.model.network.time_unit)
+    labels = {name: _label(whole, name) for name in grid}
+    return Scan(grid, asked.questions, tuple(answers), labels, whole.network.time_unit)
 
 
-def _checked(
-    model: Network | NetworkModel | ScannedModel | str | Path,
-    over: Mapping[str, ArrayLike],
-    initial: Mapping[str, int] | None,
-) -> tuple[ScannedModel, dict[str, Floats]]:
+def _checked(model: Model, over: Mapping[str, ArrayLike]) -> tuple[Model, dict[str, Floats]]:
     """The model, and the values of every name, each of which it takes."""
-    if isinstance(model, ScannedModel) and initial is not None:
-        raise ValueError("a ScannedModel has its counts at time 0; leave out initial")
-    scanned = model if isinstance(model, ScannedModel) else ScannedModel.of(model, initial)
     if over and not isinstance(over, Mapping):
         raise ValueError(f"over = {over!r}; expected a mapping of names to values, as in {{'k1': [1e-3, 1e-2]}}")
     if not over:
@@ -126,13 +119,31 @@ def _checked(
     for name in over:
         if name in RESERVED:
             raise ValueError(f"{name!r} is a column of the table; rename what the model calls so")
-    grid = {name: scanned.checked(name, values) for name, values in over.items()}
+    grid = {name: _values(model, name, values) for name, values in over.items()}
     check_size([len(values) for values in grid.values()])
     first = next(islice(grid_points(grid), 1))
     for name, values in grid.items():
         for value in values.tolist():
-            scanned.at({**first, name: value})  # a formula of a parameter may not take it
-    return scanned, grid
+            model.at({**first, name: value})  # a formula of a parameter may not take it
+    return model, grid
+
+
+def _values(model: Model, name: str, values: ArrayLike) -> Floats:
+    """The values (n,) of a name, as what it stands for allows."""
+    found, kind = checked_values(name, values), model.kind(name)
+    if kind in (SPECIES, CONSERVED):
+        integers(f"counts of {name!r}", found, (None,), minimum=int(kind == CONSERVED))
+    elif kind == CHANNEL and found.min() < 0:
+        raise ValueError(f"rate constants of {name!r} hold {found.min():g}; expected at least 0")
+    return found
+
+
+def _label(model: Model, name: str) -> str:
+    """A title for an axis of a name's values."""
+    kind, unit = model.kind(name), model.network.time_unit
+    if kind == CHANNEL:
+        return of_unit(f"rate constant of {name}", f"1/{unit}" if unit else "")
+    return f"{name} at time 0" if kind == SPECIES else name
 
 
 def _first(missing: list[int], take: Callable[[int], None], cost: Callable[[Sequence[float], int], None]) -> list[int]:

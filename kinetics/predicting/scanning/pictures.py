@@ -1,4 +1,4 @@
-"""Pictures of a scan: lines with limits over one name, heat maps over two, a heat map for each value of further names.
+"""Pictures of a scan: lines with bounds over one name, heat maps over two, a heat map for each value of further names.
 
 Contours have no numbers of their own, which would overlap where they are close: their levels are marks of the bar.
 """
@@ -12,9 +12,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from kinetics.predicting.scanning.answer import SAMPLED
 from kinetics.predicting.scanning.values import is_logarithmic
 from kinetics.support import plots
+from kinetics.support.answer import CONFIDENCE
 from kinetics.support.arrays import Floats
 
 MOST_PANELS = 48
@@ -93,11 +93,11 @@ def _levels(limits: tuple[float, float]) -> list[float]:
 
 
 def _lines(ax: Any, scan: DrawnScan, q: int) -> None:
-    """Values over one name, with limits; what is sampled is hollow."""
+    """Values over one name, with bounds; what is sampled is hollow."""
     ((name, x),) = scan.over.items()
     order = np.argsort(x)
     value, low, high = (scan.numbers(what)[order, q] for what in ("value", "low", "high"))
-    is_sampled = scan.words("answered")[order, q] == SAMPLED
+    is_sampled = scan.words("kind")[order, q] == CONFIDENCE
     x = x[order]
     ax.plot(x, value, color=plots.colour(0), linewidth=1.0)
     ax.fill_between(x, low, high, color=plots.colour(0), alpha=0.2, linewidth=0)

@@ -4,26 +4,17 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinetics.predicting.scanning.answer import (
-    COUNTS,
-    ESTIMATED,
-    NUMBERS,
-    PROVEN,
-    SAMPLED,
-    UNANSWERED,
-    WORDS,
-    ScanAnswer,
-)
+from kinetics.support.answer import CONFIDENCE, ESTIMATE, NONE, PROVEN, Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular
-from kinetics.support.tables import counted, figure, of_unit
+from kinetics.support.tables import counted, of_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,7 +22,10 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 40  # of a table for people
 MOST_WHYS = 5
-RESERVED = {"question", *NUMBERS, *COUNTS, *WORDS}  # columns, which no scanned name may have
+NUMBERS = ("value", "low", "high", "cpu_seconds")
+WORDS = ("kind", "method", "why")
+RESERVED = {"question", *NUMBERS, *WORDS}  # columns, which no scanned name may have
+IN_WORDS = {PROVEN: "proven", ESTIMATE: "estimated", CONFIDENCE: "sampled", NONE: "without an answer"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,7 +45,7 @@ class Scan(Shown, Tabular):
 
     over: Mapping[str, Floats]
     questions: tuple[str, ...]
-    answers: tuple[tuple[ScanAnswer, ...] | None, ...]
+    answers: tuple[tuple[Answer, ...] | None, ...]
     labels: Mapping[str, str]
     time_unit: str = ""
 
@@ -78,7 +72,7 @@ class Scan(Shown, Tabular):
     @property
     def unanswered(self) -> int:
         """Number of answers that a question does not have at a point."""
-        return sum(each.answered == UNANSWERED for answers in self.answers for each in answers or ())
+        return sum(each.kind == NONE for answers in self.answers for each in answers or ())
 
     @property
     def cpu_seconds(self) -> float:
@@ -86,9 +80,9 @@ class Scan(Shown, Tabular):
         return float(np.nansum(self.numbers("cpu_seconds")))
 
     def numbers(self, what: str) -> Floats:
-        """One of `NUMBERS` or `COUNTS` at all points, (n1, n2, ..., Q); nan where it was not made."""
-        if what not in NUMBERS + COUNTS:
-            raise ValueError(f"{what!r}; expected one of {', '.join(NUMBERS + COUNTS)}")
+        """One of `NUMBERS` at all points, (n1, n2, ..., Q); nan where it was not made."""
+        if what not in NUMBERS:
+            raise ValueError(f"{what!r}; expected one of {', '.join(NUMBERS)}")
         none = [None] * len(self.questions)
         table = [[getattr(each, what, None) for each in answers or none] for answers in self.answers]
         return np.array(table, dtype=float).reshape(*self.shape, len(self.questions))
@@ -102,11 +96,13 @@ class Scan(Shown, Tabular):
     @property
     def rows(self) -> list[dict[str, Any]]:
         """One row a point and question that was answered: the point, the question, and its answer."""
-        return [
-            {**point, "question": question, **asdict(answer)}
-            for point, answers in zip(self.points, self.answers, strict=True)
-            for question, answer in zip(self.questions, answers or (), strict=False)
-        ]
+        return [{**point, "question": question, **answer.to_dict()} for point, question, answer in self._answered]
+
+    @property
+    def _answered(self) -> Iterator[tuple[dict[str, float], str, Answer]]:
+        for point, answers in zip(self.points, self.answers, strict=True):
+            for question, answer in zip(self.questions, answers or (), strict=False):
+                yield point, question, answer
 
     @property
     def headline(self) -> str:
@@ -114,46 +110,39 @@ class Scan(Shown, Tabular):
         done = [each for answers in self.answers if answers for each in answers]
         points = sum(answers is not None for answers in self.answers)
         of_all = "" if self.is_complete else f" of {len(self.answers)}"
-        kinds = [f"{sum(each.answered == kind for each in done)} {kind}" for kind in (PROVEN, ESTIMATED, SAMPLED)]
-        kinds.append(f"{self.unanswered} without an answer")
-        told = ", ".join(kind for kind in kinds if not kind.startswith("0 "))
+        counts = {kind: sum(each.kind == kind for each in done) for kind in IN_WORDS}
+        told = ", ".join(f"{n} {IN_WORDS[kind]}" for kind, n in counts.items() if n)
         grid = " x ".join(f"{name} ({len(values)})" for name, values in self.over.items())
         asked = counted(len(self.questions), "question")
         of_points = counted(len(self.answers), "point").split()[1]
         return f"{points}{of_all} {of_points} of {grid}, {asked}: {told}; {self.cpu_seconds:.2g} s CPU"
 
     def summary(self) -> ResultTable:
-        """The rows, at most `MOST_ROWS` of them, and what their limits mean."""
+        """The rows, at most `MOST_ROWS` of them, and what their bounds mean."""
         rows = [
-            [
-                *(f"{row[name]:.6g}" for name in self.over),
-                row["question"],
-                *_shown(row),
-                f"{row['cpu_seconds']:.2g}",
-            ]
-            for row in self.rows
+            [*(f"{value:.6g}" for value in point.values()), question, *_cells(answer), f"{answer.cpu_seconds:.2g}"]
+            for point, question, answer in self._answered
         ]
         notes = [f"times in {self.time_unit}"] if self.time_unit else []
-        notes += ["limits: proven or estimated of what is exact, 95 % intervals of what is sampled"]
-        whys = dict.fromkeys(each.why for answers in self.answers for each in answers or () if each.why)
+        notes += ["bounds: proven or estimated of what is exact, 95 % intervals of what is sampled"]
+        whys = dict.fromkeys(each.why for answers in self.answers for each in answers or () if each.kind == NONE)
         notes += [f"none: {why}" for why in list(whys)[:MOST_WHYS]]
         if len(whys) > MOST_WHYS:
             notes.append(f"none: {len(whys) - MOST_WHYS} more reasons, in the column why")
         if len(rows) > MOST_ROWS:
             notes.append(f"{len(rows) - MOST_ROWS} more rows; they are in the files, in JSON and in to_dataframe()")
-        titles = [*self.over, "question", "value", "limits", "answered", "by", "s CPU"]
+        titles = [*self.over, "question", "value", "bounds", "kind, method", "by", "s CPU"]
         return ResultTable(self.headline, titles, rows[:MOST_ROWS], notes)
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row a point and question that was answered."""
         pandas = extra("pandas")
-        frame = pandas.DataFrame(self.rows, columns=[*self.over, "question", *_fields()])
-        return frame.astype(dict.fromkeys(COUNTS, "Int64"))
+        return pandas.DataFrame(self.rows, columns=[*self.over, "question", *Answer.__dataclass_fields__])
 
     def to_xarray(self) -> xr.Dataset:
         """A Dataset with a dimension for each scanned name and one for the question; nan where not made."""
         dims = (*self.over, "question")
-        content = {what: (dims, self.numbers(what)) for what in NUMBERS + COUNTS}
+        content = {what: (dims, self.numbers(what)) for what in NUMBERS}
         content |= {what: (dims, self.words(what).astype(str)) for what in WORDS}
         found = dataset(content, {**self.over, "question": list(self.questions)})
         found.attrs["time_unit"] = self.time_unit
@@ -162,7 +151,7 @@ class Scan(Shown, Tabular):
         return found
 
     def plot(self, figure: Any = None) -> Any:
-        """Draw every question: lines with limits over one name, a heat map over two, one for each value of more.
+        """Draw every question: lines with bounds over one name, a heat map over two, one for each value of more.
 
         figure : Matplotlib's, to be drawn into; a new one where none is given. Returns it.
         """
@@ -183,21 +172,8 @@ def grid_points(over: Mapping[str, Floats]) -> Iterator[dict[str, float]]:
         yield dict(zip(over, values, strict=True))
 
 
-def _shown(row: Mapping[str, Any]) -> tuple[str, str, str, str]:
-    """Value, limits, how it was answered, and by what."""
-    n, what = (row["states"], "state") if row["states"] else (row["runs"], "run")
-    by = "" if n is None else counted(n, what)
-    if row["why"]:
-        return "", "", UNANSWERED, by
-    limits = "all runs alike" if np.isnan(row["low"]) else _limits(row["value"], row["low"], row["high"])
-    return f"{row['value']:.6g}", limits, f"{row['answered']}, {row['method']}", by
-
-
-def _limits(value: float, low: float, high: float) -> str:
-    """Limits as an interval, or as what they add where they agree in all digits that are shown."""
-    wide = max(high - value, value - low)
-    return f"± {wide:.1g}" if wide <= 1e-5 * abs(value) else f"[{figure(low, '.6g')}, {figure(high, '.6g')}]"
-
-
-def _fields() -> list[str]:
-    return list(ScanAnswer.__dataclass_fields__)
+def _cells(answer: Answer) -> tuple[str, str, str, str]:
+    """Value, bounds, their kind and the method, and the states or runs that they rest on."""
+    if answer.kind == NONE:
+        return "", "", NONE, ""
+    return f"{answer.value:.6g}", answer.bounds_text, f"{answer.kind}, {answer.method}", answer.why

@@ -85,8 +85,9 @@ class BreakModel(ABC):
     3. import it in `kinetics.rates.breaks.models`: command lines, estimation, prediction and
        tests/contracts/test_breaks.py read the tuple made there.
 
+    >>> from dataclasses import replace
     >>> from kinetics import Network, break_model
-    >>> pairs = Network.from_text("2 A <-> AA, 0.01, 0.1").with_conserved({"cubes": [1, 2]})
+    >>> pairs = replace(Network.from_text("2 A <-> AA, 0.01, 0.1"), conserved={"cubes": [1, 2]})
     >>> break_model("collision").partners(pairs)
     ('A', 'AA')
     >>> break_model("collision").weights(pairs, {"alpha": 1.5}).round(3).tolist()
@@ -133,7 +134,7 @@ def body_sizes(network: Network) -> Floats:
         known = ", ".join(network.conserved) or "none"
         raise ValueError(
             f"weights by size need one conserved quantity, the parts in each species; the network has {known}: "
-            "use the break model 'first-order', or give one by `with_conserved`"
+            "use the break model 'first-order', or give one by dataclasses.replace(network, conserved=...)"
         )
     (sizes,) = network.conserved.values()
     if not (sizes > 0).all():

@@ -19,8 +19,9 @@ class Collision(BreakModel):
     The weight holds both how often a partner of that size comes and how hard it hits. Bodies alike in every other way
     would come with an exponent between 0 and 1; heavy partners hit harder, which adds to it.
 
+    >>> from dataclasses import replace
     >>> from kinetics import Network, break_model
-    >>> pairs = Network.from_text("2 A <-> AA, 0.01, 0.1").with_conserved({"cubes": [1, 2]})
+    >>> pairs = replace(Network.from_text("2 A <-> AA, 0.01, 0.1"), conserved={"cubes": [1, 2]})
     >>> break_model("collision").partners(pairs), break_model("collision").weights(pairs, {"alpha": 2.0}).tolist()
     (('A', 'AA'), [1.0, 4.0])
     """

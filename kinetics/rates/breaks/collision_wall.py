@@ -18,8 +18,9 @@ class CollisionWall(BreakModel):
     The walls count as one more partner, of weight `wall` in the tank of the rates: as many single parts as would break
     structures as often. One weight for all structures supposes that what a wall breaks, a body breaks in proportion.
 
+    >>> from dataclasses import replace
     >>> from kinetics import Network, break_model
-    >>> pairs = Network.from_text("2 A <-> AA, 0.01, 0.1").with_conserved({"cubes": [1, 2]})
+    >>> pairs = replace(Network.from_text("2 A <-> AA, 0.01, 0.1"), conserved={"cubes": [1, 2]})
     >>> model = break_model("collision-wall")
     >>> model.partners(pairs), model.weights(pairs, {"alpha": 2.0, "wall": 50.0}).tolist()
     (('A', 'AA', 'wall'), [1.0, 4.0, 50.0])

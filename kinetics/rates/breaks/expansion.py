@@ -53,9 +53,10 @@ class Expansion:
     base_of : (R',) position in `base` of the channel that each channel belongs to
     partner_of : (R',) position of its partner among the model's, -1 for a channel that is no break
 
+    >>> from dataclasses import replace
     >>> from kinetics import Network
     >>> from kinetics.rates.breaks import Expansion, break_model
-    >>> pair = Network.from_text("pair: 2 A <-> AA, 0.01, 0.1").with_conserved({"cubes": [1, 2]})
+    >>> pair = replace(Network.from_text("pair: 2 A <-> AA, 0.01, 0.1"), conserved={"cubes": [1, 2]})
     >>> Expansion.of(pair, break_model("collision")).network.channels
     ('pair', 'pair backward by A', 'pair backward by AA')
     """
@@ -102,7 +103,7 @@ class Expansion:
         names = [
             base.channels[r] + ("" if p < 0 else f"{BY}{partners[p]}") for r, p in zip(base_of, partner_of, strict=True)
         ]
-        network = Network.from_sparse(
+        network = Network(
             base.species,
             names,
             reactants,
@@ -169,9 +170,10 @@ def pairs(base: Network, model: BreakModel, states: ArrayLike) -> list[Floats]:
 
     Joins have none.
 
+    >>> from dataclasses import replace
     >>> from kinetics import Network
     >>> from kinetics.rates.breaks import break_model, pairs
-    >>> pair = Network.from_text("2 A <-> AA, 0.01, 0.1").with_conserved({"cubes": [1, 2]})
+    >>> pair = replace(Network.from_text("2 A <-> AA, 0.01, 0.1"), conserved={"cubes": [1, 2]})
     >>> [table[0, 1].item() for table in pairs(pair, break_model("collision"), [[5, 3]])]  # AA with A, with another AA
     [15.0, 6.0]
     """

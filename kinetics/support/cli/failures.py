@@ -10,14 +10,16 @@ from pathlib import Path
 
 import click
 
+from kinetics.support import interrupts
 from kinetics.support.extras import EXTRAS, how_to_install
 
 CHECKED = 1  # a check found errors, or a question has no answer at some points: a result
 MISTAKE = 2  # of the user: options, files, their contents, a package that is missing
 OUTSIDE = 3  # a full disk, too little memory, a scheduler that is gone: the same command may go well another time
-STOPPED = 4  # some runs were stopped by the guard or given up: a result
+STOPPED = 4  # runs were truncated, stopped by the guard, given up or are missing: a result, of fewer runs or times
+DIFFERENT = 4  # a replay came out otherwise than the run: a result
 FAULT = 70  # ours (EX_SOFTWARE of sysexits.h)
-INTERRUPTED = 130  # by Ctrl-C or SIGTERM
+INTERRUPTED = interrupts.INTERRUPTED  # 130: by Ctrl-C or SIGTERM
 BROKEN_PIPE = 141  # whoever read standard output has seen enough, as `| head`; 128 + SIGPIPE, as shells count
 
 # Of the paths that a user gives; any other number is the system's.

@@ -10,7 +10,7 @@ import click
 
 from kinetics.support.cli.options_file import defaults_of
 
-Commands = Mapping[str, tuple[str, str, str]]  # name -> (module, attribute, the line that `--help` shows)
+Commands = Mapping[str, tuple[str, str, str]]  # words -> (module, attribute, the line that `--help` shows)
 
 
 class LazyCommand(click.Command):
@@ -67,7 +67,23 @@ def below(command: click.Command, words: tuple[str, ...] = ()) -> Iterator[tuple
             yield from below(each, (*words, name))
 
 
-def mount(group: click.Group, commands: Commands) -> None:
-    """Add commands to a group without importing them."""
-    for name, (module, attribute, help_line) in commands.items():
-        group.add_command(LazyCommand(name, module, attribute, help_line))
+class Menu(click.Group):
+    """A group whose help lists its commands in the order in which they were added."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The names of its commands."""
+        del ctx
+        return list(self.commands)
+
+
+def mount(top: click.Group, commands: Commands, groups: Mapping[str, str]) -> None:
+    """Add commands without importing them, and the groups that their words name, each with the line of its help."""
+    made = {"": top}
+    for words, (module, attribute, help_line) in commands.items():
+        *above, name = words.split()
+        for depth, word in enumerate(above, 1):
+            path = " ".join(above[:depth])
+            if path not in made:
+                made[path] = Menu(word, help=groups[path])
+                made[" ".join(above[: depth - 1])].add_command(made[path])
+        made[" ".join(above)].add_command(LazyCommand(name, module, attribute, help_line))

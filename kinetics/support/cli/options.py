@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
 import click
@@ -31,15 +32,6 @@ seed_option = click.option(
     help="Random seed; the same seed gives the same result.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-
-tank_option = click.option(
-    "--tank",
-    "edges",
-    metavar="X Y Z",
-    nargs=3,
-    type=float,
-    help="Edges of the tank in which it happens; meetings become rarer with its volume.  [default: as in the rates]",
-)
 
 
 def _part(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | int | None:
@@ -229,32 +221,39 @@ def _is_number(word: str) -> bool:
     return True
 
 
-class AskedStart(NamedTuple):
-    """What the command line says about a start: the arguments of `commands.start.start`, but for the tank."""
+class ModelOptions(NamedTuple):
+    """What the command line says about a model: rule book or network file, rates, counts at time 0, tank."""
 
     source: str
-    rates_name: str | None
-    cubes: int | None
-    initial: str | None
-    copies_per_unit: float | None
-    chosen: dict[str, float]
+    rates_name: str | None = None
+    cubes: int | None = None
+    initial: str | None = None
+    copies_per_unit: float | None = None
+    chosen: Mapping[str, float] = MappingProxyType({})
+    edges: tuple[float, float, float] | None = None
 
 
-def starting_options(command: Callable[..., None]) -> Any:
-    """The argument and options of a start: rule book or network file, rates, counts at time 0.
-
-    The command gets them as one argument, `asked`.
-    """
+def model_options(command: Callable[..., None]) -> Any:
+    """The argument and options that describe a model. The command gets them as one argument, `asked`."""
 
     @wraps(command)
-    def with_start(**given: Any) -> None:
-        asked = AskedStart(*(given.pop(name) for name in AskedStart._fields))
+    def with_model(**given: Any) -> None:
+        asked = ModelOptions(*(given.pop(name) for name in ModelOptions._fields))
         if asked.cubes is not None and is_filled("initial"):
             asked = asked._replace(initial=None)
         command(asked=asked, **given)
 
-    decorated: Any = with_start
+    decorated: Any = with_model
     for decorate in (
+        click.option(
+            "--tank",
+            "edges",
+            metavar="X Y Z",
+            nargs=3,
+            type=float,
+            help="Edges of the tank in which it happens; meetings become rarer with its volume.  "
+            "[default: as in the rates]",
+        ),
         click.option(
             "--set",
             "chosen",

@@ -30,24 +30,22 @@ def options_in(ctx: click.Context, path: str) -> None:
         raise click.UsageError(f"--config {path}: there is no such file", ctx)
     ctx.meta[FILE] = path
     ctx.default_map = read_toml(Path(path))
-    check_commands(ctx, ctx.command, ctx.default_map, "")
+    _check_commands(ctx, ctx.command, ctx.default_map, "")
 
 
-def check_commands(ctx: click.Context, group: click.Command, tables: Mapping[str, Any], above: str) -> None:
-    """A UsageError where a table is named like no command of the group."""
+def _check_commands(ctx: click.Context, group: click.Command, tables: Mapping[str, Any], above: str) -> None:
+    """A UsageError where a table is named like no command of the group, or of the groups in it."""
     if isinstance(group, click.Group):
         for name, table in tables.items():
             if name not in group.commands or not isinstance(table, Mapping):
                 raise _unknown(ctx, f"[{above}{name}]", "table of a command", name, group.commands)
+            _check_commands(ctx, group.commands[name], table, f"{above}{name}.")
 
 
 def defaults_of(ctx: click.Context, command: click.Command, name: str) -> dict[str, Any] | None:
     """The table of a command as defaults of its parameters, by their names in Python; None where there is none."""
     table = (ctx.default_map or {}).get(name)
     if table is None or FILE not in ctx.meta:
-        return table
-    if isinstance(command, click.Group):
-        check_commands(ctx, command, table, f"{name}.")
         return table
     options = {
         spelled.lstrip("-"): option

@@ -16,8 +16,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-INTERRUPTED = 130  # exit code of a command that Ctrl-C ended early
-
 BUDGET = 120.0  # minutes of CPU time; as much as the limits of the solving methods
 EVERY = 30.0  # s between lines where there is no terminal
 REDRAWN = 0.1  # s between states of the line at a terminal, at least
@@ -195,6 +193,18 @@ def forecast(seconds: float, what: str, at_once: int = 1) -> None:
     """Say what work will take, before it starts, where a command runs; see `Progress.forecast`."""
     if _open:
         _open[-1].forecast(seconds, what, at_once)
+
+
+def allowed(otherwise: float) -> float:
+    """CPU time, s, that the budget of the command at work allows; `otherwise` where none runs, or has none."""
+    budget = _open[-1].budget if _open else None
+    return otherwise if budget is None else budget
+
+
+def limit_in_words(seconds: float) -> str:
+    """A limit on CPU time by its name: the option of the command at work, or the argument of a call from Python."""
+    has_option = bool(_open) and _open[-1].budget is not None
+    return f"--budget {seconds / 60:g} (minutes)" if has_option else f"max_seconds = {seconds:g}"
 
 
 SPANS = (("s", 1.0, 120.0), ("min", 60.0, 7200.0), ("h", 3600.0, 172_800.0), ("days", 86_400.0, 6e7))

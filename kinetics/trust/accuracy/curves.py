@@ -15,7 +15,7 @@ from functools import partial
 from typing import NamedTuple
 
 from kinetics.markov.transient import SOLVING_METHODS, Distribution, SolvingMethod
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Direct, Leaping, Lockstep, SamplingMethod, simulate_statistics
 from kinetics.support.arrays import Floats, Ints
@@ -105,10 +105,11 @@ def solver_curve(method: type[SolvingMethod]) -> Curve:
 def asked(task: Task, setting: float, _: int) -> Result:
     """What `predict` answers where this share of the largest mean of each species is asked for, by its own choice."""
     from kinetics.predicting.accuracy import AskedAccuracy
-    from kinetics.predicting.reaching import AskedCounts, reach
+    from kinetics.predicting.adaptive import adaptive_prediction
+    from kinetics.predicting.job import Job
 
-    question = AskedCounts(task.network, task.initial, task.times)
-    return reach(question, AskedAccuracy(setting, is_relative=True), task.seed, threads=1).result
+    job = Job(Model(task.network, task.initial), task.times, seed=task.seed, threads=1)
+    return adaptive_prediction(job, AskedAccuracy(setting, is_relative=True)).result
 
 
 ACCURACIES = (1e-1, 3e-2, 1e-2, 1e-3)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.markov.transient import Distribution, Transient
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.support.arrays import Counts, rising_times
 from kinetics.support.extras import extra
@@ -194,8 +194,8 @@ class Diagram(Shown, Tabular):
 
 def measure(
     title: str,
-    network: Network,
-    initial: Counts,
+    model: Model | Network,
+    initial: Counts | None,
     times: ArrayLike,
     *,
     seed: int = 0,
@@ -207,6 +207,7 @@ def measure(
 ) -> Diagram:
     """Ask every method for the marginals of all species at `times` (T,), tu, evenly spaced from 0; all in one thread.
 
+    initial : counts at time 0 that go before the model's; None for these
     budget : CPU s; settings that are predicted not to fit in it, after all cheaper ones, are left out
     report : is given the predicted cost before anything is run; progress : what is at work
     clock : s; costs are differences of its readings
@@ -214,7 +215,8 @@ def measure(
     """
     began = clock()
     timed = partial(_timed, clock)
-    task = Task(network, network.state(initial), rising_times(times), seed)
+    given = Model.of(model, initial)
+    task = Task(given.network, given.initial, rising_times(times), seed)
     if task.times.size < PILOT_TIMES:
         raise ValueError(f"{task.times.size} times; the diagram needs at least {PILOT_TIMES}")
     progress("trying the reference")
@@ -224,7 +226,7 @@ def measure(
     report(f"{title}: {len(prices)} settings, predicted cost {total:.3g} CPU s, budget {budget:.3g}")
     progress("the reference")
     exact, reference_cpu = timed(partial(REFERENCE.solve, *task[:3]))
-    marginals = Marginals.of(exact, network.species)
+    marginals = Marginals.of(exact, task.network.species)
     bound = marginals.top * exact.error
     points: dict[tuple[Curve, float], CostPoint] = {}
     spent, is_complete = reference_cpu, True
@@ -249,7 +251,7 @@ def measure(
     floors = {n: sampling_floor(marginals, n) for n in runs}
     used = clock() - began
     return Diagram(
-        title, network, task.times, seed, len(exact.space), reference_cpu, bound, exact.is_bound,
+        title, task.network, task.times, seed, len(exact.space), reference_cpu, bound, exact.is_bound,
         tuple(ordered), floors, tuple(left_out), is_complete, used,
     )  # fmt: skip
 

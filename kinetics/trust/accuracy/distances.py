@@ -24,7 +24,7 @@ class Distance(NamedTuple):
     mean: float
 
 
-class Answer(Protocol):
+class HasMarginals(Protocol):
     """A distribution, exact or sampled."""
 
     def marginal(self, species: str) -> Floats:
@@ -42,7 +42,7 @@ class Marginals:
     tables: Sequence[Floats]
 
     @classmethod
-    def of(cls, result: Answer, species: Sequence[str]) -> Marginals:
+    def of(cls, result: HasMarginals, species: Sequence[str]) -> Marginals:
         """Those of anything that has a `marginal` a species."""
         return cls([result.marginal(name) for name in species])
 

@@ -9,7 +9,7 @@ from math import prod
 
 import numpy as np
 
-from kinetics.markov.passage.first_passage import passage_to
+from kinetics.markov.passage.moments import passage_to
 from kinetics.markov.transient import SOLVING_METHODS, Distribution, reachable
 from kinetics.network import Network
 from kinetics.support.arrays import Floats

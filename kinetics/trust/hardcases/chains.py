@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from math import comb, expm1, factorial
@@ -10,14 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from kinetics.markov import Chain, ChainAnswer, Reward
+from kinetics.markov import Chain, Reward, chain_path, chain_path_to
+from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats
 from kinetics.trust.hardcases.case import Attempt, Case, attempt, refusal, relative
 
 DIGITS = 1e-13
 
 
-def within(answer: ChainAnswer, exact: float | Fraction) -> float:
+def within(answer: Answer, exact: float | Fraction) -> float:
     """Relative error of an answer; infinite where the right one lies outside its limits, or these are not proven."""
     near = Fraction(exact) * Fraction(1, 2**52)  # as far as the right answer may itself be rounded
     holds = Fraction(answer.low) - near <= Fraction(exact) <= Fraction(answer.high) + near
@@ -41,7 +43,7 @@ def _blocks() -> Iterator[Attempt]:
     last = block == blocks - 1
     chain = Chain(flows / weights[:, None] * 30.0, 0, {"last": last})
     yield attempt("stationary", lambda: relative(chain.stationary().probabilities, shares), DIGITS)
-    yield attempt("in the end", lambda: within(chain.in_the_end("last"), shares[last].sum()), DIGITS)
+    yield attempt("steady state", lambda: within(chain.steady_state("last"), shares[last].sum()), DIGITS)
 
 
 def _remote() -> Iterator[Attempt]:
@@ -88,13 +90,15 @@ def _classes() -> Iterator[Attempt]:
     pair = sum((w / total * w / n for w in weights), Fraction(0))
     places = np.arange(n + 2)
     chain = Chain(rates, start, {"one": places == 0, "pair": places >= n, "second": places == n + 1})
-    yield attempt("in the end, one state", lambda: within(chain.in_the_end("one"), 1 - pair), DIGITS)
-    yield attempt("in the end, within the pair", lambda: within(chain.in_the_end("second"), pair * 3 / 4), DIGITS)
+    yield attempt("steady state, one state", lambda: within(chain.steady_state("one"), 1 - pair), DIGITS)
+    yield attempt("steady state, within the pair", lambda: within(chain.steady_state("second"), pair * 3 / 4), DIGITS)
     yield attempt("until, ever", lambda: within(chain.until("pair"), pair), DIGITS)
     ends = partial(chain.committor, {"one": "one", "pair": "pair"})
     yield attempt("committor", lambda: relative(ends().probabilities, [float(1 - pair), float(pair)]), DIGITS)
     yield attempt("passage", lambda: relative(chain.passage("pair").probability, float(pair)), DIGITS)
-    yield refusal("reward until one of them", partial(chain.with_rewards({"r": places}).reward, until="pair"), "finite")
+    yield refusal(
+        "reward until one of them", partial(replace(chain, rewards={"r": places}).reward, until="pair"), "finite"
+    )
 
 
 def _nothing_moves() -> Iterator[Attempt]:
@@ -109,17 +113,17 @@ def _nothing_moves() -> Iterator[Attempt]:
             yield attempt(f"until {ever}, {kind}", lambda c=chain, t=by, p=last: within(c.until("last", by=t), p), 0)
             yield attempt(f"always {ever}, {kind}", lambda c=chain, t=by, p=last: within(c.always("last", t), p), 0)
         yield attempt(f"reward up to 7, {kind}", lambda c=chain: within(c.reward("r", up_to=7.0), 14.0), DIGITS)
-        yield attempt(f"path, {kind}", lambda c=chain: float(c.sample_path(7.0, seed=1).states.size - 1), 0)
+        yield attempt(f"path, {kind}", lambda c=chain: float(chain_path(c, 7.0, seed=1).states.size - 1), 0)
 
 
 def _nowhere() -> Iterator[Attempt]:
     chain = Chain(_line(np.ones(4), np.ones(4)), 0, {"nowhere": np.zeros(5, bool)}, {"r": np.ones(5)})
     yield attempt("until", lambda: within(chain.until("nowhere"), 0), 0)
     yield attempt("until by 7", lambda: within(chain.until("nowhere", by=7.0), 0), 0)
-    yield attempt("in the end", lambda: within(chain.in_the_end("nowhere"), 0), 0)
+    yield attempt("steady state", lambda: within(chain.steady_state("nowhere"), 0), 0)
     yield attempt("passage", lambda: chain.passage("nowhere").probability, 0)
     yield refusal("reward until", partial(chain.reward, "r", until="nowhere"), "finite")
-    yield refusal("path to", partial(chain.sample_path_to, "nowhere"), "never reached")
+    yield refusal("path to", partial(chain_path_to, chain, "nowhere"), "never reached")
 
 
 def _impulses() -> Iterator[Attempt]:
@@ -131,7 +135,7 @@ def _impulses() -> Iterator[Attempt]:
     each = Chain(ways, 0, {"up": [False, True]}, {"ups": Reward([0.0, 0.0], _line(np.ones(1)))})
     counted = settled * Fraction(t) + (Fraction(up) / exits) ** 2 * Fraction(-expm1(-float(exits) * t))
     yield attempt("up to 10", lambda: within(each.reward("ups", up_to=t), counted), 1e-11)
-    yield attempt("in the end", lambda: within(each.reward("ups", stationary=True), settled), DIGITS)
+    yield attempt("steady state", lambda: within(each.reward("ups", stationary=True), settled), DIGITS)
     yield attempt("until", lambda: within(each.reward("ups", until="up"), 1), DIGITS)
     yield refusal("at one time", partial(each.reward, "ups", at=t), "impulses")
 
@@ -158,7 +162,7 @@ def _stiff() -> Iterator[Attempt]:
     yield attempt("until by 1e-3", lambda: within(soon(), _soon(20, 10, 3e-8, 1e-7, 1e-3)), 1e-10)
     share = Fraction(3e-8) / (Fraction(3e-8) + Fraction(1e-7))
     half = sum(comb(20, k) * share**k * (1 - share) ** (20 - k) for k in range(10, 21))
-    yield attempt("in the end", lambda: within(chain.in_the_end("half"), half), 1e-12)
+    yield attempt("steady state", lambda: within(chain.steady_state("half"), half), 1e-12)
     late = partial(chain.transient, [time])
 
     def off() -> float:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from kinetics.markov.passage import first_passage, rare_event
+from kinetics.markov import first_passage
+from kinetics.markov.passage import rare_event
 from kinetics.markov.transient import Dense, FiniteStateProjection, Transient
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints

@@ -7,8 +7,9 @@ from functools import partial
 
 import numpy as np
 
-from kinetics.markov.passage import committor, first_passage, rare_event, stationary
-from kinetics.markov.passage.committor import Target
+from kinetics.markov import committor, first_passage, stationary
+from kinetics.markov.passage import rare_event
+from kinetics.markov.state_enumeration import Condition
 from kinetics.markov.transient import Dense, FiniteStateProjection, Transient
 from kinetics.network import Network
 from kinetics.sampling import SAMPLING_METHODS
@@ -20,7 +21,7 @@ def _first(n: int) -> Ints:
     return np.eye(1, n + 1, dtype=int)[0]
 
 
-def _at_least(index: int, copies: int) -> Target:
+def _at_least(index: int, copies: int) -> Condition:
     return lambda states: states[:, index] >= copies
 
 
@@ -37,7 +38,7 @@ def _drift() -> Iterator[Attempt]:
         return relative(first_passage(walk(n, 1.0, 2.0), _first(n), f"p{n}").mean, 2.0 ** (n + 1) - n - 2)
 
     def also(n: int) -> float:
-        last: dict[str, Target] = {"end": _at_least(n, 1)}
+        last: dict[str, Condition] = {"end": _at_least(n, 1)}
         return relative(committor(walk(n, 1.0, 2.0), _first(n), last).mean_times[0], 2.0 ** (n + 1) - n - 2)
 
     for n in (20, 60, 500):
@@ -116,7 +117,7 @@ def _schloegl() -> Iterator[Attempt]:
     yield attempt(
         f"passage up, {upwards:.4g} tu", lambda: relative(first_passage(net, [low], "X", high).mean, upwards), 1e-11
     )
-    ends: dict[str, Target] = {"low": lambda states: states[:, 0] <= low, "beyond": _at_least(0, top)}
+    ends: dict[str, Condition] = {"low": lambda states: states[:, 0] <= low, "beyond": _at_least(0, top)}
     yield attempt(
         f"committor down, {downwards:.4g} tu",
         lambda: relative(committor(net, [high], ends).mean_times[0], downwards),

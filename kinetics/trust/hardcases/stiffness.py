@@ -10,8 +10,8 @@ from math import comb, factorial
 
 import numpy as np
 
-from kinetics.markov.passage import committor, first_passage, stationary
-from kinetics.markov.passage.committor import Target
+from kinetics.markov import committor, first_passage, stationary
+from kinetics.markov.state_enumeration import Condition
 from kinetics.markov.transient import (
     SOLVING_METHODS,
     Collocation,
@@ -226,7 +226,7 @@ def _two_classes() -> Iterator[Attempt]:
     for method in SOLVING_METHODS:
         late = partial(method().solve, net, [1, 0, 0, 0], [100.0])
         yield attempt(f"{method.name}, late", lambda late=late: beyond_its_error(late(), exact), 1.0)
-    ends: dict[str, Target] = {"pair": lambda states: states[:, 1] > 0, "trap": lambda states: states[:, 3] > 0}
+    ends: dict[str, Condition] = {"pair": lambda states: states[:, 1] > 0, "trap": lambda states: states[:, 3] > 0}
     yield attempt("committor", lambda: relative(committor(net, [1, 0, 0, 0], ends).probabilities, [0.25, 0.75]), 1e-15)
     for kind in SAMPLING_METHODS:
         runs = partial(kind().simulate, net, [1, 0, 0, 0], [100.0], runs=4000, seed=13)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from kinetics.markov.transient import Distribution, SolvingMethod, Transient
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.uniformisation import DiscreteChain
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.support.arrays import Counts, Floats, Ints, rising_times
 from kinetics.trust.verification.conditional import Expectations, chain_of, expected_after, transition_matrix
 from kinetics.trust.verification.scores import STEP, RateScore, rate_scores
@@ -41,13 +41,16 @@ class Reference:
     solver: SolvingMethod
 
     @classmethod
-    def of(cls, network: Network, initial: Counts, times: ArrayLike, solver: SolvingMethod | None = None) -> Reference:
+    def of(
+        cls, model: Model | Network, initial: Counts | None, times: ArrayLike, solver: SolvingMethod | None = None
+    ) -> Reference:
         """Solve at `times` (T,), tu, by Transient() unless another solver is given."""
         grid = rising_times(times)
         if grid.size and grid[0] == 0.0:
             raise ValueError("times begin at 0, where nothing is left to chance; give times above 0")
+        given = Model.of(model, initial)
         chosen = Transient() if solver is None else solver
-        return cls(chosen.solve(network, initial, grid), chosen)
+        return cls(chosen.solve(given.network, given.initial, grid), chosen)
 
     @property
     def network(self) -> Network:

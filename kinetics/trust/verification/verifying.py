@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.markov.transient import SolvingMethod
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.support.arrays import Counts, whole_number
 from kinetics.support.cli.progress import stage
 from kinetics.trust.verification.base import SamplerFinding
@@ -27,10 +27,10 @@ MOST_RATES = 6  # that are made wrong one by one
 
 
 def verify(
-    network: Network,
+    model: Model | Network,
     method: CountSampler,
-    initial: Counts,
-    times: ArrayLike,
+    initial: Counts | None = None,
+    times: ArrayLike = (),
     runs: int = 20_000,
     seed: int = 0,
     false_alarm: float = FALSE_ALARM,
@@ -40,6 +40,7 @@ def verify(
     """Check runs of `method` against the exact probabilities at `times` (T,), tu, and against each other.
 
     method : a sampling method; of an object that has `name` and `simulate` alone, only counts are checked
+    initial : counts at time 0 that go before the model's; None for these
     solver : Transient() by default; give FiniteStateProjection() where the state space is infinite
     with_power : also make the mistakes of `mutants` to these runs and say which are seen
     ValueError: fewer than 100 runs, times that begin at 0, or what the method or the solver refuses
@@ -54,7 +55,7 @@ def verify(
     >>> verify(decay, Direct(), {"A": 20}, [5.0, 10.0], runs=2000, seed=1, with_power=False).passed
     True
     """
-    return verify_against(Reference.of(network, initial, times, solver), method, runs, seed, false_alarm, with_power)
+    return verify_against(Reference.of(model, initial, times, solver), method, runs, seed, false_alarm, with_power)
 
 
 def verify_against(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from kinetics.support.output import write_whole
+from kinetics.support.plots import save
 from mechsim.inspection.pictures.tank import Paint, draw_frame
 from mechsim.inspection.poses import Poses
 
@@ -31,8 +32,6 @@ def draw_strip(poses: Poses, figure: Any, frames: Sequence[int], paint: Paint = 
 
 def save_strip(poses: Poses, path: str | Path, frames: Sequence[int], paint: Paint = "size") -> None:
     """The strip as PNG, PDF or SVG."""
-    from kinetics.support.plots import save
-
     size = (PANEL[0] * len(frames) + 1.3, PANEL[1])
     save(str(path), lambda ax: draw_strip(poses, ax.figure, frames, paint), size=size)
 

@@ -46,7 +46,7 @@ def draw_tank(record: RunRecord, ax: Any, frame: int = -1, paint: Paint = "size"
 
 
 def draw_frame(poses: Poses, ax: Any, frame: int, paint: Paint = "size", legend: bool = True) -> Any:
-    """The same from poses that have been checked."""
+    """Draw one recorded moment of poses that have been checked; returns `ax`."""
     from matplotlib.collections import LineCollection, PolyCollection
 
     eye = EYE * poses.tank.mean() / 2
@@ -135,7 +135,7 @@ def growth(record: RunRecord, frames: int = 9) -> Drawing:
 
 
 def _colour(size: int) -> str:
-    """That of the curve of n-mers, where a network has one structure of each size, as lines have."""
+    """Colour of structures of n cubes: that of the n-mer's curve, if a network has one structure of each size."""
     return colour(min(size, LARGEST) - 1)
 
 
@@ -150,7 +150,8 @@ def _project(points: np.ndarray, eye: np.ndarray) -> np.ndarray:
     right = np.cross(ahead, (0.0, 0.0, 1.0))
     right /= np.linalg.norm(right)
     seen = (points - eye) @ np.stack([right, np.cross(right, ahead), ahead], axis=1)
-    return seen[..., :2] / seen[..., 2:]
+    pictured: np.ndarray = seen[..., :2] / seen[..., 2:]
+    return pictured
 
 
 def _far_edges(edges: np.ndarray, eye: np.ndarray) -> np.ndarray:
@@ -158,4 +159,5 @@ def _far_edges(edges: np.ndarray, eye: np.ndarray) -> np.ndarray:
     walls = edges.reshape(-1, 3).max(axis=0)
     on = np.isclose(edges[:, 0], edges[:, 1]) & np.isclose(np.abs(edges[:, 0]), walls)
     faces_eye = np.sign(edges[:, 0]) * eye > walls  # the wall on that side stands between the eye and the cubes
-    return ~(on & faces_eye).any(axis=1)
+    behind: np.ndarray = ~(on & faces_eye).any(axis=1)
+    return behind

@@ -103,7 +103,7 @@ class Dask(Executor):
 
 
 async def _identity(address: str) -> str:
-    """What answers at this address. The client itself would wait without end for one that does not."""
+    """Kind of the Dask server at this address. The client itself would wait for ever for one that does not answer."""
     import asyncio
 
     from distributed import Security, rpc
@@ -120,7 +120,7 @@ async def _identity(address: str) -> str:
 class _Submitted(RunAttempt):
     """A run in the hands of the scheduler; `made` is when a worker said that it is on disk, s."""
 
-    future: Future
+    future: Future[Any]
     made: float | None = None
 
 
@@ -133,7 +133,7 @@ class ClusterSession(Session):
         super().__init__()
         self.settings, self.client, self.store, self.execute = settings, client, store, execute
         self.call = uuid4().hex
-        self.news: SimpleQueue[Future] = SimpleQueue()
+        self.news: SimpleQueue[Future[Any]] = SimpleQueue()
 
     def has_room(self) -> bool:
         """Always."""
@@ -173,10 +173,10 @@ class ClusterSession(Session):
                     "under the same name"
                 )
 
-    def _hear(self, future: Future) -> None:
+    def _hear(self, future: Future[Any]) -> None:
         """Take in what a worker has said of its run."""
         from distributed import CancelledError, KilledWorker
-        from distributed.comm import CommClosedError
+        from distributed.comm.core import CommClosedError
 
         attempt = next((attempt for attempt in self.attempts if attempt.future is future), None)
         if attempt is None:

@@ -120,7 +120,7 @@ class ProcessSession(Session):
         raise ChildProcessError(f"workers cannot be started: their server ends at once ({lost!r})") from lost
 
     def _worker(self, spec: RunSpec, claim: Claim) -> _Worker:
-        from mechsim.runs.executors.worker import work
+        from mechsim.runs.executors.worker import work  # brings Numba, which no --help waits for
 
         reports, sender = self.context.Pipe(duplex=False)
         arguments = (self.execute, spec, self.store, sender, self.folder)
@@ -218,7 +218,7 @@ def _interrupts_wait() -> Iterator[None]:
 
 
 def _ending(code: int | None) -> str:
-    """How a process ended, in words."""
+    """How a process ended, for a message."""
     if code is not None and code < 0:
         return f"killed by {signal.Signals(-code).name}"
     return f"ended with exit code {code} and left no record"

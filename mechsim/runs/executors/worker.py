@@ -65,7 +65,7 @@ def work(execute: Execute, spec: RunSpec, store: RunStore, reports: Connection, 
 
 
 def _versions(spec: RunSpec) -> str:
-    """What of this machine is part of a run's name."""
+    """The properties of this machine that are part of a run's name."""
     physics = spec.inputs["physics"]
     return ", ".join([f"rules {spec.inputs['rules'][:8]}", *(f"{name} {number}" for name, number in physics.items())])
 

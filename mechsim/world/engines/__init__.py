@@ -4,7 +4,6 @@ from mechsim.world.engines.base import Engine, EngineEntry, Touch
 
 ENGINES: tuple[EngineEntry, ...] = (
     EngineEntry("pybullet", "mechsim.world.engines.pybullet_engine", "PyBulletEngine", ("pybullet",)),
-    EngineEntry("near", "mechsim.world.engines.near_engine", "NearEngine", ("pybullet",)),
     EngineEntry("own", "mechsim.world.engines.own_engine", "OwnEngine", ("numba",), version=2),
 )
 

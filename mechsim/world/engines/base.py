@@ -1,8 +1,8 @@
 """Base class of engines: what a world requires of whatever finds contacts and exchanges impulses.
 
 To add an engine: a file `<name>_engine.py` with an `Engine`, and its line in `ENGINES`, where its name, its packages
-and the effects that it lacks are known before it is imported. Scenes, effects, the bill and records ask nobody which
-engine it is; tests/contracts/test_engines.py then holds it to the conventions below.
+and the effects that it lacks are known before it is imported. Scenes, effects, the cost profile and records ask nobody
+which engine it is; tests/contracts/test_engines.py then holds it to the conventions below.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SLOP = 1e-5  # length: overlap that is left as it is
 SLEEPING = 0.0  # speed below which a body is put to rest: switched off
 BREAKING = 0.02  # of the smaller radius of two bodies: contact points are remembered until they are so far apart
 CONTINUOUS = 0.0  # collisions are looked for at the end of a step alone, not along the way: the guard limits that way
-OF_ALL_ENGINES = {  # the same, as `Engine.in_force` tells it
+OF_ALL_ENGINES = {  # the constants above, as `Engine.in_force` reports them
     "least_bounce": LEAST_BOUNCE,
     "overlap_recovery": RECOVERY,
     "sleeping": SLEEPING,
@@ -111,7 +111,7 @@ class Engine(ABC):
 
 
 class EngineEntry(NamedTuple):
-    """What is known of an engine before it is imported.
+    """Facts about an engine that are known before it is imported.
 
     name : by which a scene chooses it
     home, kind : the module and the class

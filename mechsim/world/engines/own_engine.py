@@ -16,8 +16,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from mechsim.kernels.meeting import meet
-from mechsim.kernels.remembered import MOST
+from mechsim.kernels.contact_manifolds import MAX_POINTS
+from mechsim.kernels.contact_step import contact_step
 from mechsim.world.bodies import Bodies, BodyShape
 from mechsim.world.boxes import boxes_of
 from mechsim.world.engines.base import BREAKING, LEAST_BOUNCE, OF_ALL_ENGINES, RECOVERY, SLOP, Engine, Touch
@@ -43,9 +43,9 @@ class OwnEngine(Engine):
         self._centre, self._axes = np.zeros((n, 3)), np.zeros((n, 3, 3))
         self._pushed, self._ready = np.full(n, -1), np.zeros((n, 5, 3))
         self._breaking, self._first = np.zeros(n), np.full(n, -1)
-        self._found = self._remembered = 0
+        self._found = self._manifolds = 0
         self._pair, self._count = np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
-        self._point = np.zeros((0, MOST, 10))
+        self._point = np.zeros((0, MAX_POINTS, 10))
         self._make_room(FIRST_ROOM)
 
     def close(self) -> None:
@@ -78,7 +78,7 @@ class OwnEngine(Engine):
         self._order = np.concatenate([self._order, np.array(rows, np.int64)])
 
     def remove(self, slot: int) -> None:
-        """Take a slot's boxes out, and its contacts: their impulses and what is remembered of them."""
+        """Take a slot's boxes out, and its contacts: their impulses and manifolds."""
         self._order = self._order[self._slot[self._order] != slot]
         self._impulse[: self._found][(self._who[: self._found, :2] == slot).any(axis=1)] = 0.0
         self._forget(slot)
@@ -94,9 +94,9 @@ class OwnEngine(Engine):
         """Find the contacts as the bodies lie, and exchange impulses in the table; the world moves the bodies."""
         b = self.bodies
         while True:
-            pairs, found = meet(
+            pairs, found = contact_step(
                 self._order, self._slot, self._offset, self._turn, self._half, self._radius, self._centre, self._axes,
-                self._do_collide, self._wall, self._breaking, self._remembered, self._pair, self._count, self._point,
+                self._do_collide, self._wall, self._breaking, self._manifolds, self._pair, self._count, self._point,
                 self._first, self._after, b.position, b.orientation, b.velocity, b.spin, b.mass, b.inertia,
                 self.restitution, self.friction, LEAST_BOUNCE, RECOVERY, SLOP, self.step_size, self.iterations,
                 self._who, self._contact, self._pushed, self._ready, self._rows, self._impulse,
@@ -104,7 +104,7 @@ class OwnEngine(Engine):
             if pairs >= 0:
                 break
             self._make_room(2 * found)
-        self._remembered, self._found = pairs, found
+        self._manifolds, self._found = pairs, found
 
     def near_contacts(self) -> Iterable[int]:
         """None: free flight takes every body on from the motions that the contacts gave it."""
@@ -153,19 +153,19 @@ class OwnEngine(Engine):
         }
 
     def _make_room(self, most: int) -> None:
-        """For so many contacts in a step, of a quarter as many pairs of boxes."""
+        """Make room for so many contacts in a step, of a quarter as many pairs of boxes."""
         self._who, self._contact = np.zeros((most, 4), np.int64), np.zeros((most, 7))
         self._rows, self._impulse = np.zeros((most, 3, 17)), np.zeros((most, 3))
-        self._after = np.zeros(most // MOST, np.int64)
+        self._after = np.zeros(most // MAX_POINTS, np.int64)
         kept = self._pair, self._count, self._point
-        self._pair, self._count, self._point = (np.zeros((most // MOST, *a.shape[1:]), a.dtype) for a in kept)
+        self._pair, self._count, self._point = (np.zeros((most // MAX_POINTS, *a.shape[1:]), a.dtype) for a in kept)
         for new, old in zip((self._pair, self._count, self._point), kept, strict=True):
             new[: len(old)] = old
 
     def _forget(self, slot: int) -> None:
         """Forget the contact points of a slot's body."""
-        n, pair = self._remembered, self._pair[: self._remembered]
+        n, pair = self._manifolds, self._pair[: self._manifolds]
         stays = ((pair < 0) | (self._slot[np.maximum(pair, 0)] != slot)).all(axis=1)  # below 0: a wall
-        self._remembered = int(stays.sum())
+        self._manifolds = int(stays.sum())
         for kept in (self._pair, self._count, self._point):
-            kept[: self._remembered] = kept[:n][stays]
+            kept[: self._manifolds] = kept[:n][stays]

@@ -17,6 +17,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import repeat
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +57,7 @@ class PyBulletEngine(Engine):
         self._slot: dict[int, int] = {}  # engine id -> slot
         self._shapes: dict[tuple[tuple[int, int, int], ...], int] = {}
         self._walls: list[int] = []
-        self._contacts: Sequence[tuple] = ()
+        self._contacts: Sequence[tuple[Any, ...]] = ()
         self._surface = {"restitution": 0.0, "lateralFriction": 0.0}
         self._collides_with = WALLS
         self.client = pybullet.connect(pybullet.DIRECT)
@@ -122,22 +123,15 @@ class PyBulletEngine(Engine):
     def put(self, slot: int) -> None:
         """Hand a slot's pose and motion to the engine."""
         b = self.bodies
-        self.place(slot, b.position[slot].tolist(), b.orientation[slot].tolist())
-        pybullet.resetBaseVelocity(self._body[slot], b.velocity[slot].tolist(), b.spin[slot].tolist(), self.client)
-
-    def place(self, slot: int, position: Sequence[float], orientation: Sequence[float]) -> None:
-        """Let the engine's body of a slot be here, at rest."""
-        pybullet.resetBasePositionAndOrientation(self._body[slot], position, orientation, self.client)
+        body, position, orientation = self._body[slot], b.position[slot].tolist(), b.orientation[slot].tolist()
+        pybullet.resetBasePositionAndOrientation(body, position, orientation, self.client)
+        pybullet.resetBaseVelocity(body, b.velocity[slot].tolist(), b.spin[slot].tolist(), self.client)
 
     def set_motions(self) -> None:
         """Hand the velocities and spins of all bodies to the engine."""
-        self.hand_over(self.bodies.live)
-
-    def hand_over(self, slots: np.ndarray) -> None:
-        """Hand the velocities and spins of these slots to the engine."""
         b = self.bodies
-        ids = map(self._body.__getitem__, slots.tolist())
-        motions = b.velocity[slots].tolist(), b.spin[slots].tolist()
+        ids = map(self._body.__getitem__, b.live.tolist())
+        motions = b.velocity[b.live].tolist(), b.spin[b.live].tolist()
         # One call a body is all that there is, and a third of a step: no loop of ours around it.
         deque(map(pybullet.resetBaseVelocity, ids, *motions, repeat(self.client)), maxlen=0)
 

@@ -67,7 +67,7 @@ def test_likelihood_is_its_definition(walled_runs):
     assert fit.profile("alpha", 0.5) == pytest.approx(by_definition, rel=1e-9)
     b = fit.parameters["b 4->1+3"]
     evidence = fit.likelihood.evidence(fit.model)
-    alone = fit.log_likelihood - evidence[2].highest[1] + evidence[2].log_likelihood(np.array([2 * b]))
+    alone = fit.log_likelihood - evidence[2].mle[1] + evidence[2].log_likelihood(np.array([2 * b]))
     assert alone < fit.profile("b 4->1+3", 2 * b) < fit.log_likelihood
 
 
@@ -85,7 +85,7 @@ def test_the_search_finds_the_top(walled_runs):
         ]
         for row in [*values, *aside]:
             shape = dict(zip((p.name for p in fit.model.shape), row, strict=True))
-            found = fit.likelihood.mixed.highest(fit.model.with_shape(shape).mixture())[0]
+            found = fit.likelihood.mixed(fit.best.events).mle(fit.model.with_shape(shape).mixture())[0]
             assert found <= fit.log_likelihood + 1e-6
 
 

@@ -6,18 +6,18 @@ from functools import cache
 import numpy as np
 import pytest
 from derived_books import derived
+from grown_paths import path_of
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 from scipy.stats import binom
 
-from calibration.estimating.class_calibration import BookRuns, calibrate_classes
-from calibration.estimating.class_evidence import class_evidence
-from calibration.estimating.class_fit import ClassFit, simplest
+from calibration.estimating.break_rates import BreaksBySize
+from calibration.estimating.class_calibration import BookRuns, ClassFit, calibrate_classes
 from calibration.estimating.class_spread import class_spreads, flagged
-from calibration.estimating.named_partners import of_the_named
+from calibration.estimating.rate_fit import simplest
 from kinetics.assembly import Derivation, RateClass
 from kinetics.network import Tank
-from kinetics.networkfree import grow, growth_of, path_of
+from kinetics.networkfree import grow, growth_of
 from kinetics.rates import ClassRates
 from kinetics.rates.breaks import break_model
 from kinetics.runs import BY_SEVERAL, BY_WALL, NO_BREAK, JumpPath
@@ -58,6 +58,19 @@ def calibrated(paths, breaks="auto", derivation=JACK):
     return calibrate_classes([BookRuns(derivation, paths)], breaks)
 
 
+def evidence_of(*paths, books=None):
+    """Joins and breaks of runs, class by class."""
+    made = calibrate_classes(books or [BookRuns(JACK, paths)], "collision-wall")
+    return made.joins, made.breaks
+
+
+def fitted(likelihood, sharing, breaks=None, by_partner=False):
+    if breaks is None:
+        return ClassFit.of(likelihood, sharing)
+    largest, tank = likelihood.model.largest, likelihood.model.tank
+    return ClassFit.of(likelihood, sharing, BreaksBySize.of(break_model(breaks), largest, tank, by_partner))
+
+
 def test_a_network_free_run_and_its_path_tell_the_same_story():
     made = grow(JACK.book, truth(), {JACK.book.monomer(): 30, JACK.book.seed(): 2}, 200.0, runs=1, seed=4).runs[0]
     path = path_of(made, JACK, TANK)
@@ -89,40 +102,42 @@ def test_events_and_exposures_by_hand():
     path = JumpPath(
         JACK.network, initial, [2.0, 5.0], [joined, broken], 9.0, tank=TANK, partners=np.array([NO_BREAK, BY_WALL])
     )
-    joins, breaks = class_evidence([BookRuns(JACK, (path,))])
-    at = {str(c): i for i, c in enumerate(joins.classes)}
+    joins, breaks = evidence_of(path)
+    at = {key: i for i, key in enumerate(joins.grouping.keys)}
+    exposure = joins.exposure(joins.model)
     # hub: two f1 and four f2 faces, each with two f1 faces of a free cube
-    assert joins.exposure[at["join 1 f1 + 1 f1 touching 1"]] == pytest.approx(2 * 2 * 3 * 6.0)
-    assert joins.exposure[at["join 1 f1 + 1 f2 touching 1"]] == pytest.approx(4 * 2 * 3 * 6.0)
+    assert exposure[at["join 1 f1 + 1 f1 touching 1"]] == pytest.approx(2 * 2 * 3 * 6.0)
+    assert exposure[at["join 1 f1 + 1 f2 touching 1"]] == pytest.approx(4 * 2 * 3 * 6.0)
     # hub with an arm: its tops, and the arm's own; three sides
-    assert joins.exposure[at["join 1 f1 + 2 f1 touching 1"]] == pytest.approx((2 + 1) * 2 * 2 * 3.0)
-    assert joins.exposure[at["join 1 f1 + 2 f2 touching 1"]] == pytest.approx(3 * 2 * 2 * 3.0)
-    assert joins.ways[joins.sorts[0], at["join 1 f1 + 1 f2 touching 1"]] > 0
-    of = [str(c) for c in breaks.classes].index("break 1 f1 + 1 f2")
-    assert_allclose(breaks.exposure[of, :3], [2 * 3.0, 0.0, 0.0])  # two free cubes, and not itself
-    assert_allclose(breaks.exposure[of, -2:], 3.0)
-    assert_allclose(breaks.at_events[0, :3], [2, 0, 0])
-    assert breaks.named is not None
-    assert np.flatnonzero(breaks.named[0]).tolist() == [len(breaks.sizes)]
-    assert not breaks.exposure[np.arange(len(breaks.classes)) != of].any()
+    assert exposure[at["join 1 f1 + 2 f1 touching 1"]] == pytest.approx((2 + 1) * 2 * 2 * 3.0)
+    assert exposure[at["join 1 f1 + 2 f2 touching 1"]] == pytest.approx(3 * 2 * 2 * 3.0)
+    assert joins.parts(joins.model)[at["join 1 f1 + 1 f2 touching 1"]].at_events.tolist() == [[2 * 4 * 3]]
+    of = breaks.grouping.keys.index("break 1 f1 + 1 f2")
+    exposures = breaks.exposure(breaks.model)
+    assert_allclose(exposures[of, :3], [2 * 3.0, 0.0, 0.0])  # two free cubes, and not itself
+    assert_allclose(exposures[of, -2:], 3.0)
+    assert not np.delete(exposures, of, axis=0).any()
+    by_anyone = [2, *[0] * 11, 0, 1, 1]
+    assert_allclose(breaks.parts(breaks.model)[of].at_events, [by_anyone])
+    by_wall = replace(breaks.model, by_partner=True)
+    assert_allclose(breaks.parts(by_wall)[of].at_events, [[*[0] * 13, 1, 0]])
     # broken by another arm that broke at the same blow, so that it is there no more: by anyone
     by_dimer = replace(path, partners=np.array([NO_BREAK, species.index(dimer)]))
-    _, gone = class_evidence([BookRuns(JACK, (by_dimer,))])
-    assert_allclose(of_the_named(gone.at_events, gone.named), gone.at_events)
+    assert_allclose(evidence_of(by_dimer)[1].parts(by_wall)[of].at_events, [by_anyone])
     # by several at once: by any body, but not by the wall alone
     crowded = replace(path, partners=np.array([NO_BREAK, BY_SEVERAL]))
-    assert np.flatnonzero(~class_evidence([BookRuns(JACK, (crowded,))])[1].named[0]).tolist() == [len(breaks.sizes)]
+    assert_allclose(evidence_of(crowded)[1].parts(by_wall)[of].at_events, [[*by_anyone[:13], 0, 1]])
     # the same in a tank of twice the volume, for constants of the first
     larger = JumpPath(JACK.network, initial, path.times, path.channels, 9.0, tank=Tank((4.0, 2.0, 2.0)))
-    both, _ = class_evidence([BookRuns(JACK, (path, larger))])
-    assert_allclose(both.exposure, 1.5 * joins.exposure)
+    both, _ = evidence_of(path, larger)
+    assert_allclose(both.exposure(both.model), 1.5 * exposure)
 
 
 def test_known_rates_come_back_within_their_intervals():
     """Two constants of joins and one of breaks, from 40 runs; twice the breaks would be seen."""
     made = calibrated(grown(), "collision-wall")
-    assert made.chosen_joins.grouping == "faces"
-    assert made.chosen_breaks.grouping == "event"
+    assert made.chosen_joins.sharing == "faces"
+    assert made.chosen_breaks.sharing == "event"
     rates, true = made.rates(), truth()
     assert rates.tank == TANK.size
     for key in ("join f1 + f1 touching 1", "join f1 + f2 touching 1"):
@@ -135,15 +150,16 @@ def test_known_rates_come_back_within_their_intervals():
     assert rates.classes["break"].events > 200
 
 
+@pytest.mark.validate
 def test_intervals_cover():
     """Of 120 calibrations, each from two runs; intervals of half the width are caught."""
     paths = grown("first-order", runs=240, seed=7)
     true = truth("first-order")
     inside, narrow, asked = 0, 0, 0
     for i in range(0, 240, 2):
-        joins, breaks = class_evidence([BookRuns(JACK, paths[i : i + 2])])
-        fits = ClassFit(joins, "faces"), ClassFit(breaks, "event", break_model("first-order"))
-        for key, entry in ((k, fit.entries[k]) for fit in fits for k in fit.keys):
+        joins, breaks = evidence_of(*paths[i : i + 2])
+        fits = fitted(joins, "faces"), fitted(breaks, "event", "first-order")
+        for key, entry in ((k, fit.entries[k]) for fit in fits for k in fit.channels):
             known = true.classes[key].rate
             asked += 1
             inside += entry.low <= known <= entry.high
@@ -156,7 +172,7 @@ def test_intervals_cover():
 def test_what_classes_share_is_found():
     assert calibrated(grown("first-order", runs=30, seed=2)).chosen_breaks.breaks.name == "first-order"
     by_sizes = calibrated(grown("first-order", runs=60, seed=3, sizes=True))
-    assert by_sizes.chosen_joins.grouping == "sizes"
+    assert by_sizes.chosen_joins.sharing == "sizes"
     rates = by_sizes.rates()
     entry = rates.classes["join 1 f1 + 1 f1 touching 1"]
     assert entry.low < 1e-3 < entry.high
@@ -174,7 +190,7 @@ def test_places_that_touch_two_cubes_have_a_constant_of_their_own():
     made = grow(pyramid.book, rates, start, 150.0, 6, seed=4).runs
     books = [BookRuns(pyramid, tuple(path_of(run, pyramid, TANK) for run in made))]
     found = calibrate_classes(books, "first-order")
-    assert found.chosen_joins.grouping == "touched"
+    assert found.chosen_joins.sharing == "touched"
     entries = found.rates().classes
     for key, rate in (("join touching 1", 4e-4), ("join touching 2", 1.2e-4)):
         assert entries[key].low < rate < entries[key].high
@@ -198,26 +214,26 @@ def test_jacks_say_little_of_corners():
 
 def test_many_classes_with_few_events_expect_as_many_events_as_there_were():
     """Half an event a class, by Jeffreys' prior alone, would expect a tenth too many."""
-    _, breaks = class_evidence([BookRuns(JACK, grown("first-order", runs=30, seed=2))])
-    fit = ClassFit(breaks, "sizes", break_model("first-order"))
-    own = fit.exposure @ fit.weights({})
-    entries = [fit.entries[key] for key in fit.keys]
+    fit = fitted(evidence_of(*grown("first-order", runs=30, seed=2))[1], "sizes", "first-order")
+    seen = fit.best.events.sum()
+    own = fit.likelihood.exposure(fit.model) @ fit.model.mixture()[0]
+    entries = [fit.entries[key] for key in fit.channels]
     expected = sum(e * (entry.events + 0.5) / entry.exposure for e, entry in zip(own, entries, strict=True))
     assert len(entries) > 20
-    assert expected == pytest.approx(breaks.sorts.size, rel=0.03)
-    assert breaks.sorts.size + len(entries) / 2 > 1.05 * breaks.sorts.size
+    assert expected == pytest.approx(seen, rel=0.03)
+    assert seen + len(entries) / 2 > 1.05 * seen
 
 
 def test_books_add_up():
     """Line and T in one calibration: events and exposures of shared classes are summed; a wrong scheme is refused."""
     line, t5 = grown("first-order", 10, 1, "line4"), grown("first-order", 10, 1, "t5")
-    apart = [class_evidence([BookRuns(d, p)])[0] for d, p in ((LINE, line), (T5, t5))]
-    both = class_evidence([BookRuns(LINE, line), BookRuns(T5, t5)])[0]
-    for rate_class, exposure in zip(both.classes, both.exposure, strict=True):
-        parts = [e.exposure[e.classes.index(rate_class)] for e in apart if rate_class in e.classes]
+    books = [BookRuns(LINE, line), BookRuns(T5, t5)]
+    both, *apart = (evidence_of(books=some)[0] for some in (books, books[:1], books[1:]))
+    for key, exposure in zip(both.grouping.keys, both.exposure(both.model), strict=True):
+        parts = [e.exposure(e.model)[e.grouping.keys.index(key)] for e in apart if key in e.grouping.keys]
         assert_allclose(exposure, np.sum(parts, axis=0))
-    assert both.sorts.size == sum(e.sorts.size for e in apart)
-    fit = ClassFit(both, "faces")
+    assert both.counts.sum() == sum(e.counts.sum() for e in apart)
+    fit = fitted(both, "faces")
     assert fit.entries["join f1 + f1 touching 1"].low < 2e-4 < fit.entries["join f1 + f1 touching 1"].high
 
 
@@ -230,20 +246,33 @@ def test_a_channel_of_several_classes_is_shared_out_by_largest_likelihood():
     events[joins[1]] = {first: 4.0}
     mixed = Derivation(LINE.book, LINE.structures, events)
     paths = [JumpPath(mixed.network, p.initial, p.times, p.channels, p.end, tank=TANK) for p in _line_paths()]
-    joins_of, _ = class_evidence([BookRuns(mixed, tuple(paths))])
-    fit = ClassFit(joins_of, "sizes")
+    joins_of, _ = evidence_of(books=[BookRuns(mixed, tuple(paths))])
+    fit = fitted(joins_of, "sizes")
+    shares, exposure = joins_of.grouping.shares, joins_of.exposure(joins_of.model)[:, 0]
 
     def cost(logs):
         k = np.exp(logs)
-        at = np.log(joins_of.ways @ k)[joins_of.sorts].sum()
-        return -(at - joins_of.exposure[:, 0] @ k)
+        return -(joins_of.counts @ np.log(shares @ k) - exposure @ k)
 
-    best = minimize(cost, np.full(len(joins_of.classes), np.log(1e-4)), method="BFGS")
-    order = [fit.keys.index(str(c)) for c in joins_of.classes]
-    assert fit.log_likelihood == pytest.approx(-best.fun, abs=1e-6)
-    assert_allclose(fit.constants[order], np.exp(best.x), rtol=1e-3)
-    by_ways = np.bincount(joins_of.sorts) @ (joins_of.ways / joins_of.ways.sum(axis=1, keepdims=True))
-    assert cost(np.log(by_ways / joins_of.exposure[:, 0])) > -fit.log_likelihood + 1
+    best = minimize(cost, np.full(len(exposure), np.log(1e-4)), method="BFGS")
+    assert joins_of.grouping.keys == fit.channels
+    assert fit.log_likelihood + cost(np.log(fit.best.coefficients[0])) == pytest.approx(_at_events(paths), abs=1e-6)
+    assert cost(np.log(fit.best.coefficients[0])) == pytest.approx(best.fun, abs=1e-6)
+    assert_allclose(fit.best.coefficients[0], np.exp(best.x), rtol=1e-3)
+    by_ways = joins_of.counts @ shares
+    assert cost(np.log(by_ways / exposure)) > best.fun + 1
+    with pytest.raises(ValueError, match="shared out"):
+        fit.profile(f"k {fit.channels[0]}", 1e-3)
+
+
+def _at_events(paths):
+    """Sum of the logarithms of ways times combinations at all joins."""
+    total = 0.0
+    for path in paths:
+        joins = np.flatnonzero([len(list(LINE.events)[channel].before) == 2 for channel in path.channels])
+        fired = path.channels[joins]
+        total += np.log(path.network.ways[fired] * path.network.combinations_of(path.states)[joins, fired]).sum()
+    return total
 
 
 def _line_paths():
@@ -275,15 +304,14 @@ def test_who_broke_what_is_used():
                 partners[i] = BY_WALL if drawn == sizes.size else drawn
         watched.append(JumpPath(JACK.network, path.initial, path.times, path.channels, path.end, None, TANK, partners))
     made = calibrated(tuple(watched))
-    assert made.chosen_breaks.by_partner
-    shape = made.chosen_breaks.shape
-    points = np.array(made.chosen_breaks.posterior.points)
+    assert made.chosen_breaks.model.by_partner
+    shape = made.chosen_breaks.model.shape_values
+    points = np.array(made.chosen_breaks.terms.posterior.points)
     for (name, value), known in zip(shape.items(), (1.0, 60.0), strict=True):
         middle, sd = points[:, list(shape).index(name)].mean(), points[:, list(shape).index(name)].std()
         assert abs(middle - known) < 4 * sd, (name, value)
         assert sd < 0.3 * known
-    _, evidence = class_evidence([BookRuns(JACK, tuple(watched))])
-    without = ClassFit(evidence, "event", break_model("collision"), by_partner=True)
+    without = fitted(made.breaks, "event", "collision", by_partner=True)
     assert without.log_likelihood == -np.inf
     with pytest.raises(ValueError, match="every break model calls impossible"):
         simplest([without])

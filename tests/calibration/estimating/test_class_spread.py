@@ -5,11 +5,12 @@ from collections import defaultdict
 import numpy as np
 import pytest
 from derived_books import derived
+from grown_paths import path_of
 from scipy.stats import binom
 
 from calibration.estimating.class_calibration import BookRuns, calibrate_classes
 from calibration.estimating.class_spread import SPREAD, class_spreads, flagged
-from kinetics.networkfree import grow, path_of
+from kinetics.networkfree import grow
 from kinetics.rates import ClassRates
 
 LINE = derived("line4")

@@ -82,7 +82,7 @@ def test_they_are_stated_beside_the_break_models(runs):
 
 def test_intervals_cover(request):
     """Of counts drawn at a known share; at most 5 % miss, with a false alarm of 1e-6."""
-    rng, misses, n = np.random.default_rng(3), 0, 2000
+    rng, misses, n = np.random.default_rng(3), 0, 600
     for _ in range(n):
         firsts, expected = 200, 0.4
         seen = int(rng.binomial(firsts, 0.07) + rng.poisson(expected))

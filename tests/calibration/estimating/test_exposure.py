@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic_runs import breaking_run, line_network, restarted_run
 
-from calibration import Exposure, by_age, by_initial, count, pooled
+from calibration import Exposure, count, pooled
 from kinetics.network import Network, Tank
 from kinetics.runs import RESTART, JumpPath
 from kinetics.sampling import sample_path
@@ -77,17 +77,6 @@ def test_agrees_with_the_definition(kind, ages):
     found = count(path, ages)
     np.testing.assert_array_equal(found.events, events)
     np.testing.assert_allclose(found.exposure, exposure, rtol=1e-12, atol=1e-12)
-
-
-def test_ages_and_compositions_only_divide():
-    paths = [*sample_runs(), sample_path(line_network(), [60, 0, 0, 0], 5.0, seed=1)]
-    whole = pooled(count(path) for path in paths)
-    compositions = by_initial(paths)
-    assert list(compositions) == ["14 monomer, 12 dimer, 6 trimer, 1 quadmer", "60 monomer"]
-    for groups in (by_age(paths, ALL_AGES), compositions):
-        total = sum(groups.values())
-        np.testing.assert_array_equal(total.events, whole.events)
-        np.testing.assert_allclose(total.exposure, whole.exposure, rtol=1e-12)
 
 
 def test_refuses_to_mix():

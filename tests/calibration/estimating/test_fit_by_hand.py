@@ -10,7 +10,7 @@ from synthetic_models import pair_network, standing
 from synthetic_runs import line_network
 
 from calibration import MassActionRates, Weibull, compare_fits, fit_rates
-from calibration.estimating.break_rates import BreakRates
+from calibration.estimating.break_rates import BreaksBySpecies
 from calibration.estimating.likelihood import RIDGE, SCATTERED, Evidence
 from calibration.estimating.rate_fit import _crossing
 from calibration.estimating.shape_search import least
@@ -136,20 +136,20 @@ def test_what_a_fit_refuses():
 def test_two_terms_share_an_event_by_hand():
     """One event at 1 + 3 k, an exposure of 2: log(1 + 3 k) - 2 k is highest at k = 1/6, at 0 where k can only cost."""
     evidence = Evidence(np.array([[1.0, 3.0]]), np.array([0.7, 2.0]))
-    best, value = evidence.highest_with({0: 1.0})
+    best, value = evidence.mle_with({0: 1.0})
     assert_allclose(best, [1.0, 1 / 6], rtol=1e-8)
     assert value == pytest.approx(np.log(1.5) - 0.7 - 1 / 3, rel=1e-12)
     costly = Evidence(np.array([[1.0, 3.0]]), np.array([0.7, 4.0]))
-    assert_allclose(costly.highest_with({0: 1.0})[0], [1.0, 0.0], atol=1e-12)
+    assert_allclose(costly.mle_with({0: 1.0})[0], [1.0, 0.0], atol=1e-12)
     # Together: the second explains the event at 3 / 2 of a unit, the first at 1 / 0.7, which is less.
-    assert_allclose(evidence.highest[0], [0.0, 0.5], atol=1e-8)
-    assert evidence.highest[1] == pytest.approx(np.log(1.5) - 1.0, rel=1e-9)
+    assert_allclose(evidence.mle[0], [0.0, 0.5], atol=1e-8)
+    assert evidence.mle[1] == pytest.approx(np.log(1.5) - 1.0, rel=1e-9)
     assert RIDGE < 1e-8
     unmeasured = Evidence(np.zeros((0, 2)), np.array([0.0, 2.0]))
-    assert np.isnan(unmeasured.highest[0][0])
-    assert unmeasured.highest[0][1] == unmeasured.highest[1] == 0.0
+    assert np.isnan(unmeasured.mle[0][0])
+    assert unmeasured.mle[0][1] == unmeasured.mle[1] == 0.0
     impossible = Evidence(np.array([[0.0, 0.0], [1.0, 1.0]]), np.array([1.0, 1.0]))
-    assert impossible.highest[1] == -np.inf
+    assert impossible.mle[1] == -np.inf
 
 
 def test_where_a_falling_function_crosses_zero():
@@ -165,17 +165,17 @@ def test_pairs_are_those_of_the_tank_of_the_coefficients():
     model, network, larger = break_model("collision-wall"), line_network(), Tank((4.0, 2.0, 3.0))
     path = JumpPath(network, [5, 4, 3, 2], [], [], 1.0, tank=larger)
     plain = pairs(network, model, path.states)
-    scaled = BreakRates.of(model, network, TANK).combinations(path)
+    scaled = BreaksBySpecies.of(model, network, TANK).combinations(path)
     names = model.partners(network)
     wall = (larger.surface / larger.volume) / (TANK.surface / TANK.volume)
     for name, one, other in zip(names, scaled, plain, strict=True):
         assert_allclose(one, other * (wall if name == "wall" else TANK.volume / larger.volume))
     assert len(names) == 5
     for rates, watched in (
-        (BreakRates.of(model, network, larger), path),
-        (BreakRates.of(model, network, None), path),
-        (BreakRates.of(model, network, TANK), JumpPath(network, [5, 4, 3, 2], [], [], 1.0)),
-        (BreakRates.of(model, network, None), JumpPath(network, [5, 4, 3, 2], [], [], 1.0)),
+        (BreaksBySpecies.of(model, network, larger), path),
+        (BreaksBySpecies.of(model, network, None), path),
+        (BreaksBySpecies.of(model, network, TANK), JumpPath(network, [5, 4, 3, 2], [], [], 1.0)),
+        (BreaksBySpecies.of(model, network, None), JumpPath(network, [5, 4, 3, 2], [], [], 1.0)),
     ):
         for one, other in zip(rates.combinations(watched), plain, strict=True):
             assert_allclose(one, other)
@@ -185,16 +185,22 @@ def test_partners_count_only_where_they_are_asked_for_and_known():
     model, network = break_model("collision-wall"), line_network()
     channel = network.channels.index("2->1+1")
     path = JumpPath(network, [5, 4, 3, 2], [0.5], [channel], 1.0, partners=np.array([BY_WALL]))
-    asked = BreakRates.of(model, network, None, by_partner=True)
-    assert BreakRates.of(model, network, None).named_parts(path) is None
-    assert asked.named_parts(JumpPath(network, [5, 4, 3, 2], [0.5], [channel], 1.0)) is None
-    assert asked.named_parts(path).tolist() == [[name == "wall" for name in model.partners(network)]]
+    asked = BreaksBySpecies.of(model, network, None, by_partner=True)
     by_trimer = JumpPath(network, [5, 4, 3, 2], [0.5], [channel], 1.0, partners=np.array([2]))
-    assert asked.named_parts(by_trimer).tolist() == [[name == "trimer" for name in model.partners(network)]]
-    assert asked.collected_as != BreakRates.of(model, network, None).collected_as
+    unnamed = JumpPath(network, [5, 4, 3, 2], [0.5], [channel], 1.0)
+    names = model.partners(network)
+    for rates, run, allowed in (
+        (BreaksBySpecies.of(model, network, None), path, names),
+        (asked, unnamed, names),
+        (asked, path, ("wall",)),
+        (asked, by_trimer, ("trimer",)),
+    ):
+        (parts,) = rates.collected(run, np.array([0]))[1]
+        assert tuple(name for name, part in zip(names, parts, strict=True) if part > 0) == allowed
+    assert asked.cache_key != BreaksBySpecies.of(model, network, None).cache_key
     moved = asked.with_shape({"wall": 7.0})
     assert (moved.shape_values["wall"], moved.by_partner) == (7.0, True)
-    assert moved.collected_as == asked.collected_as
+    assert moved.cache_key == asked.cache_key
     assert moved.mixture().shape == (1, 5)
     assert NO_BREAK != BY_WALL
 
@@ -210,9 +216,8 @@ def test_shapes_are_scattered_only_where_they_cost_no_pass_over_the_paths(monkey
     network, model = line_network(), break_model("collision")
     channel = network.channels.index("2->1+1")
     path = JumpPath(network, [5, 4, 3, 2], [0.5], [channel], 1.0)
-    fit = fit_rates(BreakRates.of(model, network, None), [path], ["2->1+1"])
+    fit = fit_rates(BreaksBySpecies.of(model, network, None), [path], ["2->1+1"])
     fit.profile("alpha", 1.0)  # nothing is free
     fit.profile("b 2->1+1", 0.1)  # from the shape that is known
     fit_rates(Weibull(), [PATH])
     assert asked == [(1, SCATTERED), (0, 0), (1, 0), (1, 0)]
-    assert not BreakRates(model, network, None, (1.0,)).by_partner

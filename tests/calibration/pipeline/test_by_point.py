@@ -145,16 +145,16 @@ levels = [8.0, 12.0]
 def test_the_command_reads_what_the_study_made(wellmixed_here, tmp_path):
     (tmp_path / "own.toml").write_text(STUDY)
     common = ["own.toml", "--runs-folder", "runs", "--json"]
-    assert wellmixed_here("study", *common, "--seed", 4, cwd=tmp_path).code == 0
-    done = wellmixed_here("rates", *common, "--seed", 4, "--out", "told", cwd=tmp_path)
+    assert wellmixed_here("study", "first-times", *common, "--seed", 4, cwd=tmp_path).code == 0
+    done = wellmixed_here("study", "rates", *common, "--seed", 4, "--out", "told", cwd=tmp_path)
     told = done.json
     assert {row["point"] for row in told["rates"]} == {"number=8", "number=12"}
     assert [row["runs"] for row in told["first_times"]] == [2, 2]
     assert all((tmp_path / path).stat().st_size > 0 for path in told["written"])
     (tmp_path / "mine").mkdir()
-    other = wellmixed_here("rates", "own.toml", "--runs-folder", "mine", cwd=tmp_path)
+    other = wellmixed_here("study", "rates", "own.toml", "--runs-folder", "mine", cwd=tmp_path)
     assert (other.code, list((tmp_path / "mine").iterdir())) == (2, [])
     assert "mine holds no runs" in other.err
-    none = wellmixed_here("rates", *common, "--seed", 5, cwd=tmp_path)
+    none = wellmixed_here("study", "rates", *common, "--seed", 5, cwd=tmp_path)
     assert none.code == 2
-    assert "holds no run of own.toml at number=8 with seed 5; make them by: wellmixed study" in none.err
+    assert "holds no run of own.toml at number=8 with seed 5; make them by: wellmixed study first-times" in none.err

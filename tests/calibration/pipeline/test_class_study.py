@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from derived_books import derived
+from grown_paths import path_of
 
 from calibration.pipeline.class_study import run_growth_validation
 from calibration.pipeline.plan import PlannedRuns, StudyPlan, Tanks
-from kinetics.networkfree import grow, path_of
+from kinetics.networkfree import grow
 from kinetics.rates import ClassRates
 from kinetics.runs import BY_UNKNOWN, NO_BREAK
 from mechsim.runs.record import RunRecord

@@ -101,21 +101,20 @@ def test_held_out_runs_within_a_budget():
     assert chosen_runs(tests[:2], costs, 1e3) == {20: 30, 40: 10}, "and no further than is asked for"
 
 
-def test_rules_are_as_coarse_as_the_shift():
+def test_rules_are_as_coarse_as_the_shift(planned):
     """By default those of a plan that states none; rates off by twice the shift are beyond any of them."""
     assert rules_for(0.2) == VerdictRules()
     wide = rules_for(0.6)
     assert (wide.ratio, wide.pooled_ratio, wide.from_events) == ((0.55, 1.45), (0.7, 1.3), 16.7)
-    planned = make_plan(request(), pilot(), seconds)
     assert planned.plan.verdict == wide
 
 
-def test_another_tank():
+def test_another_tank(planned):
     double = make_plan(request(tank=(2.0, 2.0, 6.0)), pilot(), seconds)
     (first,) = double.plan.calibration.tanks[:1]
     assert double.plan.scene_of(first).tank.size == first.tank == (2.0, 2.0, 6.0)
     of_joins = [tank.events[:4].sum() for tank in double.tanks if tank.composition == {"monomer": 40}]
-    whole = [tank.events[:4].sum() for tank in make_plan(request(), pilot(), seconds).tanks]
+    whole = [tank.events[:4].sum() for tank in planned.tanks]
     assert of_joins[0] < 0.8 * max(whole)  # they meet half as often
     with pytest.raises(ValueError, match="do not state their tank"):
         make_plan(request(tank=(2.0, 2.0, 6.0)), pilot().replace(tank=None), seconds)
@@ -148,7 +147,7 @@ def test_pilot_rates():
 
 def test_the_command(wellmixed_here, tmp_path):
     pilot().save(tmp_path / "pilot.toml")
-    command = ["plan", "line4", "--rates", "pilot.toml", "--cubes", 12, "--along", 0, 100, "--duration", 100]
+    command = ["study", "plan", "line4", "--rates", "pilot.toml", "--cubes", 12, "--along", 0, 100, "--duration", 100]
     command += ["--held-out", 8, "--width", "40%", "--shift", "60%", "--out", "plan.toml", "--plot", "plan.svg"]
     data = wellmixed_here(*command, "--json", cwd=tmp_path).json
     plan = StudyPlan.load(tmp_path / "plan.toml")
@@ -191,14 +190,14 @@ def test_the_command(wellmixed_here, tmp_path):
 def test_bad_input(wellmixed_here, tmp_path, options, said):
     base = {"--rates": ["table3"], "--cubes": [6], "--held-out": [6], "--along": [0], "--out": ["plan.toml"]}
     given = [word for name, values in (base | {options[0]: options[1:]}).items() for word in (name, *values)]
-    done = wellmixed_here("plan", "line4", *given, cwd=tmp_path)
+    done = wellmixed_here("study", "plan", "line4", *given, cwd=tmp_path)
     assert (done.code, done.out) == (2, "")
     assert said in " ".join(done.err.split())
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_pilot_that_is_too_short(wellmixed_here, tmp_path):
-    command = ["plan", "line4", "--cubes", 4, "--pilot-time", 0.5, "--held-out", 6, "--out", "plan.toml"]
+    command = ["study", "plan", "line4", "--cubes", 4, "--pilot-time", 0.5, "--held-out", 6, "--out", "plan.toml"]
     done = wellmixed_here(*command, cwd=tmp_path)
     assert (done.code, done.out) == (2, "")
     assert done.err.startswith("pilot: 4 runs of 0.5 tu, about ")  # its cost comes first

@@ -45,7 +45,7 @@ def watched(composition, seed, run):
 
 
 def pilot(seed, runs=4):
-    """Rates from the runs that `wellmixed plan` makes: four from 60 and four from 120 single cubes."""
+    """Rates from the runs that `wellmixed study plan` makes: four from 60 and four from 120 single cubes."""
     starts = [{"monomer": n} for n in (60, 120) for _ in range(runs)]
     paths = [watched(network().state(start), seed, run) for run, start in enumerate(starts)]
     return rates_with_breaks(estimate(paths), BreakComparison.asked_for("first-order", paths))

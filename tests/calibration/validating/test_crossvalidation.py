@@ -71,8 +71,12 @@ def test_holds_where_the_rates_are_right():
 
 @pytest.mark.parametrize(
     ("rates_of", "factor"),
-    [(calibrated, 1.5), (lambda i: without_evidence(calibrated(i)), 1.0)],
-    ids=["joins half as fast again", "rate uncertainty left out"],
+    [
+        pytest.param(calibrated, 1.5, id="joins half as fast again"),
+        pytest.param(
+            lambda i: without_evidence(calibrated(i)), 1.0, id="rate uncertainty left out", marks=pytest.mark.validate
+        ),
+    ],
 )
 def test_controls_are_seen(rates_of, factor):
     found = repeated(REPEATS // 2, rates_of, factor=factor)
@@ -88,12 +92,11 @@ def test_thirty_per_cent_are_seen_at_once_with_good_rates():
     assert same.is_consistent
     assert same.coverage.share > 0.8
     assert np.nanmax(np.abs(same.z)) < 5
-    for factor in (0.7, 1.3):
-        off = crossvalidate(network, rates, held_out(1, n=100, factor=factor), TIMES, "quadmer", **options)
-        assert not off.is_consistent
-        assert off.p_misfit == 1 / 400  # none of the 399 groups
-        assert off.coverage.share < 0.6
-        assert np.nanmax(np.abs(off.z)) > 5
+    off = crossvalidate(network, rates, held_out(1, n=100, factor=0.7), TIMES, "quadmer", **options)
+    assert not off.is_consistent
+    assert off.p_misfit == 1 / 400  # none of the 399 groups
+    assert off.coverage.share < 0.6
+    assert np.nanmax(np.abs(off.z)) > 5
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,9 @@ import pytest
 from click.testing import CliRunner
 
 from kinetics import first_passage
-from kinetics.commands.start import start
+from kinetics.commands.models import applied, described
+from kinetics.formats import read
+from kinetics.support.cli.options import ModelOptions
 from wellmixed import main
 
 LINE = ["ask", "line4", "--rates", "table3", "--cubes", "12"]
@@ -29,13 +31,12 @@ def run(*arguments, code=0):
 
 def test_a_book_as_json():
     data = json.loads(run(*LINE, WITHIN, 'R{"dimer"}=? [ S ]', "--json"))
-    begin = start("line4", "table3", 12, None).model
-    known = first_passage(begin.network, begin.initial, "quadmer")
+    known = first_passage(applied(*described(ModelOptions("line4", "table3", 12))), None, "quadmer")
     (answer, other) = data["answers"]
     assert answer["question"] == WITHIN
     assert answer["low"] <= answer["value"] <= answer["high"]
     assert abs(answer["value"] - float(known.cdf(100.0))) < 1e-13
-    assert answer["is_bound"] is other["is_bound"] is True
+    assert answer["kind"] == other["kind"] == "proven"
     assert data["states"] > 20
 
 
@@ -58,7 +59,7 @@ def test_what_the_rates_do_to_the_answers(tmp_path):
     assert max(found["elasticity"]) > 0.1
     (plain,) = json.loads(run(*LINE, WITHIN, "--json"))["answers"]
     assert plain["sensitivity"] is None
-    assert "limits proven; adjoint uniformisation" in run(*LINE, WITHIN, "--sensitivity")
+    assert "bounds proven; adjoint uniformisation" in run(*LINE, WITHIN, "--sensitivity")
     run(*LINE, "--out", tmp_path / "line.tra")
     assert "comes from no network" in run("ask", tmp_path / "line.tra", WITHIN, "--sensitivity", code=2)
 
@@ -80,7 +81,7 @@ def test_a_network_without_end(tmp_path):
     (same,) = json.loads(run("ask", path, question, "--within", "80", "--json"))["answers"]
     assert near["low"] <= near["value"] <= near["high"] < near["low"] + 1e-9
     assert abs(near["value"] - same["value"]) < 1e-12
-    known = first_passage(start(str(path), None, None, None).model.network, [2], "X", 4)
+    known = first_passage(read(path), [2], "X", 4)
     assert near["low"] <= known.cdf(1.0) <= near["high"]
     text = run("ask", path, "P=? [ F X = 0 ]", "--within", "X <= 40")
     assert " to 1 (proven; linear equations)" in text

@@ -58,7 +58,7 @@ def test_passage_in_another_tank(file):
     for tank, mean in (((), 1250.0), (("--tank", 2, 2, 6), 2500.0)):
         command = ["passage", "line4", "--rates", file, "--cubes", 2, "--species", "dimer", *tank]
         found = json.loads(run(*command, "--json"))
-        assert found["mean"] == pytest.approx(mean, rel=1e-9)
+        assert found["mean"]["value"] == pytest.approx(mean, rel=1e-9)
         assert found["tank"] == [2, 2, 6 if tank else 3]
         assert f"tank 2 x 2 x {6 if tank else 3}" in run(*command)
 
@@ -72,7 +72,7 @@ def test_tanks_that_are_refused(file, tmp_path):
     assert json.loads(run(*command, "--rates", bare, "--json"))["tank"] is None
     assert "that the rates do not state" in run(*command, "--rates", bare)
     network = tmp_path / "line4.net"
-    run("derive", "line4", "--rates", file, "--cubes", 8, "--out", network)
+    run("rules", "derive", "line4", "--rates", file, "--cubes", 8, "--out", network)
     for name in (["predict", network], ["passage", network, "--species", "dimer"]):
         assert "leave out --tank" in run(*name, "--tank", 2, 2, 6, code=2)
     exact = ["--method", "exact", "--times", 50, "--json"]
@@ -80,18 +80,33 @@ def test_tanks_that_are_refused(file, tmp_path):
 
 
 def test_derive_shows_partners():
-    data = json.loads(run("derive", "line4", "--breaks", "collision-wall", "--json"))
+    data = json.loads(run("rules", "derive", "line4", "--breaks", "collision-wall", "--json"))
     names = [channel["name"] for channel in data["channels"]]
     assert len(names) == 4 + 4 * 5
     assert "4->2+2 by wall" in names
     assert data["breaks"] == {"model": "collision-wall"}
-    assert "dimer + quadmer -> 3 dimer" in run("derive", "line4", "--breaks", "collision")
-    assert json.loads(run("derive", "line4", "--json"))["breaks"] == {"model": "first-order"}
-    assert "the rates say how bonds break" in run("derive", "line4", "--breaks", "collision", "--out", "x.net", code=2)
+    assert "dimer + quadmer -> 3 dimer" in run("rules", "derive", "line4", "--breaks", "collision")
+    assert json.loads(run("rules", "derive", "line4", "--json"))["breaks"] == {"model": "first-order"}
+    assert "the rates say how bonds break" in run(
+        "rules", "derive", "line4", "--breaks", "collision", "--out", "x.net", code=2
+    )
 
 
 def test_accuracy_and_ranking_take_any_break_model(file):
-    command = ["accuracy", "kinetics", "line4", "--rates", file, "--cubes", 4, "--duration", 20, "--budget", 0.01]
+    command = [
+        "trust",
+        "accuracy",
+        "kinetics",
+        "line4",
+        "--rates",
+        file,
+        "--cubes",
+        4,
+        "--duration",
+        20,
+        "--budget",
+        0.01,
+    ]
     out = json.loads(run(*command, "--json").splitlines()[-1])
     assert out["breaks"]["model"] == "collision-wall"
     ranked = json.loads(run("rules", "rank", "line4", "--rates", file, "--cubes", 8, "--horizon", 50, "--json"))

@@ -31,7 +31,7 @@ def test_a_network_file(place):
     data = done.json
     assert data["over"] == {"k1": pytest.approx([1e-4, 1e-3, 1e-2]), "B": [5.0, 10.0]}
     assert (data["points"], data["complete"], len(data["rows"])) == (6, True, 12)
-    assert {row["answered"] for row in data["rows"]} == {"proven"}
+    assert {row["kind"] for row in data["rows"]} == {"proven"}
     assert "6 points, 3 still to be answered; those tried took" in done.err
     asked = run_here("ask", "model.rxn", "--set", "k1=1e-3", "--initial", "B=5", ASK[1], ASK[3], "--json", cwd=place)
     rows = [row for row in data["rows"] if row["k1"] == pytest.approx(1e-3) and row["B"] == 5]
@@ -74,7 +74,7 @@ def test_sampled_by_workers(place):
     twice = json.loads(done.stdout)
     for one, other in zip(once["rows"], twice["rows"], strict=True):
         assert one | {"cpu_seconds": 0} == other | {"cpu_seconds": 0}
-    assert {row["answered"] for row in once["rows"]} == {"sampled"}
+    assert {row["kind"] for row in once["rows"]} == {"95 % confidence"}
     assert "by 2 workers in 1/2 of that" in done.stderr
 
 
@@ -84,7 +84,14 @@ SLOW = [
 ]
 
 
-@pytest.mark.parametrize(("workers", "number"), [(1, signal.SIGINT), (2, signal.SIGINT), (2, signal.SIGTERM)])
+@pytest.mark.parametrize(
+    ("workers", "number"),
+    [
+        pytest.param(1, signal.SIGINT, marks=pytest.mark.validate),
+        (2, signal.SIGINT),
+        pytest.param(2, signal.SIGTERM, marks=pytest.mark.validate),
+    ],
+)
 def test_ctrl_c_keeps_what_is_done_and_the_same_command_goes_on(place, workers, number):
     """The signal comes once three points are on disk; a scan that is done by then would be no test, and fails it."""
     (place / "model.rxn").write_text(MODEL.replace("B = 10", "B = 200"), encoding="utf-8")
@@ -114,7 +121,7 @@ def lines(place):
     return sum(path.read_bytes().count(b"\n") for path in (place / "scans").glob("*.jsonl"))
 
 
-@pytest.mark.parametrize("piece", [1 << 30, 100])
+@pytest.mark.parametrize("piece", [1 << 30, pytest.param(100, marks=pytest.mark.validate)])
 def test_a_disk_that_fails_at_the_nth_call_loses_no_point_and_no_table(place, monkeypatch, piece):
     command = ["scan", "model.rxn", "--over", "k1=1e-3,1e-2,1e-1", *ASK, "--max-states", 0, "--runs", 5]
     command += ["--csv", "a.csv"]

@@ -1,4 +1,4 @@
-"""`wellmixed verify`: what it shows, and its exit code where a sampler is wrong."""
+"""`wellmixed trust verify`: what it shows, and its exit code where a sampler is wrong."""
 
 import json
 from typing import ClassVar
@@ -9,7 +9,7 @@ from kinetics import Direct
 from kinetics.commands import verify
 from kinetics.runs import Ensemble
 
-LINE = ["verify", "line4", "--rates", "table3", "--cubes", "12", "--times", "60", "500", "--runs", "2000"]
+LINE = ["trust", "verify", "line4", "--rates", "table3", "--cubes", "12", "--times", "60", "500", "--runs", "2000"]
 
 
 class Twice(Direct):

@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from kinetics.formats.model import Format, NetworkModel
+from kinetics.formats.base import Format, Model
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
 
@@ -26,7 +26,7 @@ class Sheet(Format):
     name: ClassVar[str] = "sheet"
     suffixes: ClassVar[tuple[str, ...]] = (".sheet", ".sht")
 
-    def read(self, path: Path, copies_per_unit: float | None = None) -> NetworkModel:
+    def read(self, path: Path, copies_per_unit: float | None = None) -> Model:
         """The network of a sheet."""
         if copies_per_unit is not None:
             raise ValueError(f"{path} has whole counts; it takes no copies_per_unit")
@@ -36,14 +36,14 @@ class Sheet(Format):
             data = json.loads(path.read_text(encoding="utf-8"))
             shape = len(data["channels"]), len(data["species"])
             tables = [SparseTable.of_entries(shape, *data[name]) for name in ("needs", "change")]
-            network = Network.from_sparse(
+            network = Network(
                 data["species"], data["channels"], *tables, data["ways"], data["rates"], data["combinations"]
             )
-            return NetworkModel(network, data["initial"], data["observables"])
+            return Model(network, data["initial"], data["observables"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ValueError(f"{path} is no sheet: {error}") from None
 
-    def text(self, model: NetworkModel) -> str:
+    def text(self, model: Model) -> str:
         """A sheet of mass action."""
         net = model.network
         if not net.is_mass_action:

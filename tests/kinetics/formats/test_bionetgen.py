@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from numpy.testing import assert_allclose, assert_array_equal
 
 from kinetics.formats import FORMATS, SUFFIXES, read, write
+from kinetics.formats.base import Model
 from kinetics.formats.formulas import number
-from kinetics.formats.model import NetworkModel
 from kinetics.network import Network
 from wellmixed import main
 
@@ -108,13 +108,13 @@ def test_the_same_as_the_engine_of_the_format(tmp_path):
 def test_what_a_net_file_cannot_say(tmp_path):
     squares = Network.from_reactions({"pair": ({"A": 2}, {"B": 1})}, [2.0], combinations="product")
     with pytest.raises(ValueError, match="n squared, which it cannot say"):
-        write(NetworkModel(squares, [3, 0]), tmp_path / "out.net")
+        write(Model(squares, [3, 0]), tmp_path / "out.net")
     assert not (tmp_path / "out.net").exists()
     law = Network.from_reactions({"turn": ({"A": 1}, {"B": 1})}, ["2 * A / (3 + A)"])
     with pytest.raises(ValueError, match="law of channel 'turn'"):
-        write(NetworkModel(law, [3, 0]), tmp_path / "out.net")
+        write(Model(law, [3, 0]), tmp_path / "out.net")
     with pytest.raises(ValueError, match=r"must end in .*\.net"):
-        write(NetworkModel(law, [3, 0]), tmp_path / "out.csv")
+        write(Model(law, [3, 0]), tmp_path / "out.csv")
 
 
 GOOD = """begin parameters
@@ -280,17 +280,17 @@ def test_derive_writes_for_other_programs(kind, tmp_path):
     run = CliRunner().invoke
     path = str(tmp_path / f"line{kind.suffixes[0]}")
     start = ["line4", "--rates", "table3", "--cubes", "20"]
-    done = run(main, ["derive", *start, "--out", path])
+    done = run(main, ["rules", "derive", *start, "--out", path])
     assert done.exit_code == 0, done.output
     assert "4 species and 8 channels" in done.output
     asked = ["--times", "100", "--method", "exact", "--json"]
     of_book, of_file = (json.loads(run(main, ["predict", *each, *asked]).output) for each in (start, [path]))
     assert of_file["species"] == of_book["species"]
     assert_allclose(of_file["mean"], of_book["mean"], rtol=1e-10)
-    shown = json.loads(run(main, ["derive", path, "--json"]).output)
+    shown = json.loads(run(main, ["rules", "derive", path, "--json"]).output)
     assert [row["name"] for row in shown["channels"]][:1] == [["1+1->2"], ["_1_1__2"]][kind.name == "sbml"]
     other = str(tmp_path / "again.net")
-    assert run(main, ["derive", path, "--out", other]).exit_code == 0
+    assert run(main, ["rules", "derive", path, "--out", other]).exit_code == 0
     assert_array_equal(read(other).initial, [20, 0, 0, 0])
 
 
@@ -303,7 +303,7 @@ def test_derive_writes_for_other_programs(kind, tmp_path):
     ],
 )
 def test_what_derive_cannot_write(arguments, message):
-    done = CliRunner().invoke(main, ["derive", "line4", *arguments])
+    done = CliRunner().invoke(main, ["rules", "derive", "line4", *arguments])
     assert done.exit_code == 2
     assert message in done.output
 

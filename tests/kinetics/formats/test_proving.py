@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from kinetics import Chain, Reward
-from kinetics.formats import FORMATS, NetworkModel, read, write
+from kinetics import Chain, Model, Reward
+from kinetics.formats import FORMATS, read, write
 from kinetics.markov import explicit_files, prism_model, prism_text, write_explicit
 from kinetics.network import Network
 
@@ -34,7 +34,7 @@ FAULTS = {
 
 def model():
     network = Network.from_reactions({"bind": ({"A": 1, "B": 1}, {"C": 1}), "part": ({"C": 1}, {"A": 1})}, [0.25, 1.75])
-    return NetworkModel(network, [5, 4, 0], {"all": {"A": 1.0, "C": 2.0}})
+    return Model(network, [5, 4, 0], {"all": {"A": 1.0, "C": 2.0}})
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -103,15 +103,14 @@ def test_a_faulty_writer_of_a_chain_is_caught(file, old, new, said, tmp_path, mo
      lambda names: dict.fromkeys(names, "same"), lambda names: {name: f"{name}\n" for name in names}],
 )  # fmt: skip
 def test_faulty_names_in_a_prism_model_are_caught(names, monkeypatch):
-    network = model().network
-    assert prism_text(network, np.array([5, 4, 0]), np.array([9, 9, 9]))
+    assert prism_text(model(), np.array([9, 9, 9]))
     monkeypatch.setattr(prism_model, "prism_names", names)
     with pytest.raises(ValueError, match=r"the model would hold .*, which PRISM would misread"):
-        prism_text(network, np.array([5, 4, 0]), np.array([9, 9, 9]))
+        prism_text(model(), np.array([9, 9, 9]))
 
 
 def test_a_channels_name_cannot_leave_its_comment():
     network = Network.from_reactions({"a\nconst int x = 1; //": ({"A": 1}, {"B": 1})}, [1.0])
-    text = prism_text(network, np.array([5, 0]), np.array([5, 5]), {"none": {}})
+    text = prism_text(Model(network, [5, 0], {"none": {}}), np.array([5, 5]))
     assert "  // a const int x = 1; //\n" in text
     assert 'rewards "none"\n  true : 0;\nendrewards' in text

@@ -110,7 +110,7 @@ def test_the_unit_of_time_is_the_models_own(tmp_path):
     for unit in ("s", ""):
         model = model_at(tmp_path, text if unit else text.removeprefix("time unit: s\n"))
         file, shown = tmp_path / "model.rxn", f" ({unit})" if unit else ""
-        assert f"k{f' (1/{unit})' if unit else ''}\n" in run("derive", file).output
+        assert f"k{f' (1/{unit})' if unit else ''}\n" in run("rules", "derive", file).output
         times = ["--times", 1, "--method", "exact"]
         assert run("predict", file, *times).output.startswith(f"time{shown} ")
         assert run("predict", file, *times, "--show", "total").output.startswith(f"time{shown} ")

@@ -9,8 +9,8 @@ from click.testing import CliRunner
 from numpy.testing import assert_allclose, assert_array_equal
 from sbml_builder import Builder
 
-from kinetics import Auto, simulate
-from kinetics.formats import NetworkModel, read, write
+from kinetics import Auto, Model, simulate
+from kinetics.formats import read, write
 from kinetics.formats.massaction import rate_constant
 from kinetics.network import Network
 from kinetics.network.laws.expression import Expression
@@ -116,7 +116,7 @@ def test_constant_rules_and_initial_assignments(tmp_path):
 def test_a_sum_of_very_many_species(tmp_path):
     names = [f"a_species_with_a_long_name_{i}" for i in range(400)]
     network = Network.from_reactions({"in": ({}, {names[0]: 1})}, [1.0], species=names)
-    model = NetworkModel(network, np.arange(400), {"all": {name: float(i) for i, name in enumerate(names, 1)}})
+    model = Model(network, np.arange(400), {"all": {name: float(i) for i, name in enumerate(names, 1)}})
     write(model, tmp_path / "sum.xml")
     again = read(tmp_path / "sum.xml")
     assert again.observables == model.observables
@@ -242,7 +242,7 @@ def test_an_observable_of_thousands_of_species_comes_back(tmp_path):
     names = [f"s{i}" for i in range(1200)]
     net = Network.from_reactions({"turn": ({"s0": 1}, {"s1": 1})}, [1.0], names)
     observables = {"weighted": {name: 1.0 + i for i, name in enumerate(names)}}
-    write(NetworkModel(net, np.zeros(1200, dtype=int), observables), tmp_path / "long.xml")
+    write(Model(net, np.zeros(1200, dtype=int), observables), tmp_path / "long.xml")
     again = read(tmp_path / "long.xml")
     assert again.observables == observables
     assert again.notes == ()

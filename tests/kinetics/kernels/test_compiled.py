@@ -172,6 +172,15 @@ def test_the_hash_is_of_all_sources_of_the_room(room):
     assert len(seen) == 3
 
 
+def test_kernels_are_compiled_in_a_thread_that_no_interrupt_reaches(room):
+    code = (
+        "import threading\nfrom kinetics.kernels import caller, compiled\nseen = []\n"
+        "compiled.KernelCache.load_overload = lambda *_: seen.append(threading.current_thread())\n"
+        "print(caller.twice(0), threading.main_thread() in seen, len(seen) > 1)"
+    )
+    assert output(begun(room, code)) == ["2", "False", "True"]
+
+
 def test_constants_do_not_compile_a_callee_anew(room):
     edit(room / "caller.py", "step(step(x))", "step(0) + step(1) + x - 1")
     code = "from kinetics.kernels.caller import step, twice; print(twice(0), len(step.signatures))"

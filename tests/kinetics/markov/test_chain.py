@@ -1,5 +1,7 @@
 """A chain as one object: closed forms, dense algebra, and what functions of networks say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from known_systems import decay, line, switch
@@ -11,6 +13,7 @@ from scipy.special import gammainc
 from scipy.stats import chisquare
 
 from kinetics import Chain, Reward, Sensitivity, Transient, committor, first_passage, solve, stationary
+from kinetics.markov import chain_path, chain_path_to
 from kinetics.markov.transient import Dense
 
 
@@ -30,12 +33,12 @@ def test_the_queue_in_the_end():
     shares = r ** np.arange(7)
     shares /= shares.sum()
     assert_allclose(chain.stationary().probabilities, shares, rtol=1e-13)
-    assert contains(chain.in_the_end("n >= 5"), shares[5:].sum())
+    assert contains(chain.steady_state("n >= 5"), shares[5:].sum())
     assert contains(chain.reward("n", stationary=True), shares @ np.arange(7))
     # what is lost at the full place, as impulses: none is, so arrivals are those at all other places
     arrivals = Reward(impulses=np.diag(np.ones(6), 1))
-    assert contains(chain.with_rewards({"in": arrivals}).reward("in", stationary=True), 0.7 * (1 - shares[6]))
-    assert not contains(chain.in_the_end("n >= 5"), shares[5:].sum() * (1 + 1e-11))  # the control
+    assert contains(replace(chain, rewards={"in": arrivals}).reward("in", stationary=True), 0.7 * (1 - shares[6]))
+    assert not contains(chain.steady_state("n >= 5"), shares[5:].sum() * (1 + 1e-11))  # the control
 
 
 def test_ruin_is_that_of_the_gambler():
@@ -62,7 +65,7 @@ def test_the_time_of_many_stages_is_gamma():
     assert_allclose([law.mean, law.sd], [stages / 2, np.sqrt(stages) / 2], rtol=1e-13)
     assert_allclose(law.cdf([0.5, 4.0]), gammainc(stages, [1.0, 8.0]), rtol=0, atol=1e-13)
     assert law.quantile(0.5) == pytest.approx(chain.passage(np.arange(10) == 9).quantile(0.5))
-    assert contains(chain.with_rewards({"time": np.ones(10)}).reward("time", until="done"), stages / 2)
+    assert contains(replace(chain, rewards={"time": np.ones(10)}).reward("time", until="done"), stages / 2)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -110,7 +113,7 @@ def test_random_chains_as_dense_algebra_has_them(seed):
     assert_allclose(passage.survival(t), (start @ expm(shut * t))[low].sum(), rtol=1e-11)
     rest = np.linalg.lstsq(np.vstack([q.T, np.ones(n)]), np.append(np.zeros(n), 1.0), rcond=None)[0]
     assert contains(chain.reward("both", stationary=True), rest @ gains, 1e-11)
-    assert_allclose(chain.in_the_end("high").value, rest[high].sum(), rtol=1e-10)
+    assert_allclose(chain.steady_state("high").value, rest[high].sum(), rtol=1e-10)
 
 
 def test_a_network_compiles_to_its_chain():
@@ -142,7 +145,7 @@ def test_downward_targets_and_any_start():
 
     assert contains(chain.until("X <= 3", by=t), binom(copies, left).sf(copies - 4), 1e-12)
     assert_allclose(chain.passage("X <= 3").mean, sum(1 / k for k in range(4, copies + 1)), rtol=1e-13)
-    spread = Chain(chain.generator, np.full(copies + 1, 1 / (copies + 1)), variables=("X",), counts=chain.counts)
+    spread = Chain(chain.transitions, np.full(copies + 1, 1 / (copies + 1)), variables=("X",), counts=chain.counts)
     each = [sum(1 / k for k in range(4, n + 1)) for n in range(copies + 1)]
     assert_allclose(spread.passage("X <= 3").mean, np.mean(each), rtol=1e-13)
 
@@ -154,7 +157,7 @@ def test_what_never_happens_and_what_is_certain():
     assert chain.until([False, False, False]).value == 0.0
     assert chain.until([True, True, True]).value == 1.0
     assert contains(chain.always('!"one"'), 0.25)
-    assert contains(chain.in_the_end("one"), 0.75)
+    assert contains(chain.steady_state("one"), 0.75)
     assert_allclose(chain.until("one", by=1e3).value, 0.75, rtol=1e-11)
     assert contains(chain.until("one", by=0.0), 0.0)
     assert contains(chain.reward("r", until=[False, True, True]), 0.5)
@@ -203,7 +206,7 @@ def test_rate_laws_give_bounds_where_they_are_bounded():
         lambda chain: chain.until("B >= 2"),
         lambda chain: chain.until("B >= 3"),
         lambda chain: chain.always("A >= 1", by=1.0),
-        lambda chain: chain.in_the_end("B >= 2"),
+        lambda chain: chain.steady_state("B >= 2"),
         lambda chain: chain.reward("A", at=1.0),
         lambda chain: chain.reward("A", up_to=1.0),
         lambda chain: chain.reward("A", until="B >= 2"),
@@ -223,29 +226,29 @@ def test_rate_laws_give_bounds_where_they_are_bounded():
 def test_rates_given_from_outside_are_exact():
     given, known = queue(3, 1.0, 1.0), Chain.of(switch(), [2, 0])
     assert (given.transitions.rate_error, known.transitions.rate_error) == (0.0, 8.0)
-    same = Chain(known.generator, known.initial)
+    same = Chain(known.transitions.generator(), known.initial)
     assert same.passage(same.states(known.states("B >= 2"))).error < known.passage("B >= 2").error
 
 
 def test_runs_follow_the_chain():
     chain = queue(3, 1.0, 1.0)
-    ends = np.array([chain.sample_path(2.0, seed=1, run=run).at(2.0) for run in range(2000)])
+    ends = np.array([chain_path(chain, 2.0, seed=1, run=run).at(2.0) for run in range(2000)])
     law = chain.transient([2.0]).probabilities[0]
     assert chisquare(np.bincount(ends, minlength=4), 2000 * law).pvalue > 1e-6
     assert chisquare(np.bincount(ends, minlength=4), 2000 * chain.transient([0.5]).probabilities[0]).pvalue < 1e-6
-    rates = queue(9, 1.0, 9.0).generator.copy()
+    rates = queue(9, 1.0, 9.0).transitions.generator().toarray()
     rates[0] = 0.0
-    path = Chain(rates, 1).sample_path_to(np.arange(10) == 9, seed=3)  # a run in 5e7 does so
+    path = chain_path_to(Chain(rates, 1), np.arange(10) == 9, seed=3)  # a run in 5e7 does so
     assert path.states[-1] == 9
     assert np.all(np.diff(path.times) > 0)
     with pytest.raises(ValueError, match="the run is from 0 to"):
         path.at(path.end * 2)
     never = Chain([[0, 0], [1.0, 0]], 0)
     with pytest.raises(ValueError, match="never reached"):
-        never.sample_path_to([False, True])
+        chain_path_to(never, [False, True])
 
 
 def test_other_labels_take_the_place_of_the_first_ones():
-    chain = queue().with_labels({"full": "n == 6"})
+    chain = replace(queue(), labels={"full": "n == 6"})
     assert chain.until("full", by=3.0).value == chain.until("n == 6", by=3.0).value
-    assert list(queue().with_labels({"idle": "n == 0"}).labels) == ["idle"]
+    assert list(replace(queue(), labels={"idle": "n == 0"}).labels) == ["idle"]

@@ -7,6 +7,7 @@ from random_chains import DIGITS, exact_law, random_rates
 
 from kinetics import Chain, Network, Reward, Sensitivity
 from kinetics.markov.passage.backward import BackwardPass, expected_at, expected_integral
+from kinetics.native import twins
 
 
 def holds(answer, exact):
@@ -39,7 +40,7 @@ def test_tiny_probabilities_have_digits():
     steps, rate, t = 14, 1e-3, 0.1
     chain = Chain(np.diag(np.full(steps, rate), 1) + np.diag(np.full(steps, 1.0), -1), 0)
     answer = chain.until(np.arange(steps + 1) == steps, by=t)
-    exact = exact_law(np.asarray(chain.generator), chain.initial, t, stopped=(steps,))[steps]
+    exact = exact_law(chain.transitions.generator().toarray(), chain.initial, t, stopped=(steps,))[steps]
     assert 0 < answer.value < 1e-60
     assert holds(answer, exact)
     assert answer.high - answer.low < 1e-11 * answer.value
@@ -71,10 +72,9 @@ def test_rewards_over_time():
 @pytest.mark.parametrize("steps", [1, 40])
 def test_a_pass_ends_where_the_rest_is_less_than_it_rounds(steps, monkeypatch):
     """A line of steps at rate 1 until .01, whose end is reached with probability 1e-2 or about 1e-128."""
-    from kinetics.kernels import markov
 
-    done, retreat = [], markov.retreat
-    monkeypatch.setattr(markov, "retreat", lambda *arrays: (done.append(arrays[-1].size), retreat(*arrays)))
+    done, retreat = [], twins.retreat
+    monkeypatch.setattr(twins, "retreat", lambda *arrays: (done.append(arrays[-1].size), retreat(*arrays)))
     rates, t = np.diag(np.ones(steps), 1), 0.01
     chain = Chain(rates, 0, rewards={"late": np.arange(steps + 1) == steps})
     with mpmath.workdps(DIGITS):
@@ -108,15 +108,14 @@ def test_a_settled_chain_stops_early_and_still_holds():
 
 def test_a_pass_goes_on_where_it_stopped(monkeypatch):
     """One pass for many times, in any order, gives what a pass a time gives, in the steps of the longest."""
-    from kinetics.kernels import markov
 
-    done, retreat = [], markov.retreat
+    done, retreat = [], twins.retreat
     rates = random_rates(3, 5, decades=1.0)
     chain = Chain(rates, 0)
     stopped, target = chain.transitions.stopped(np.arange(5) == 4), (np.arange(5) == 4).astype(float)
     times = [0.3, 1e-3, 20.0, 0.0, 5.0]
     each = [expected_at(stopped, chain.initial, target, t) for t in times]
-    monkeypatch.setattr(markov, "retreat", lambda *arrays: (done.append(arrays[-1].size), retreat(*arrays)))
+    monkeypatch.setattr(twins, "retreat", lambda *arrays: (done.append(arrays[-1].size), retreat(*arrays)))
     one = BackwardPass(stopped, chain.initial, target)
     assert [one.at(t) for t in times] == each
     steps = sum(done)

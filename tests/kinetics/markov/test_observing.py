@@ -42,24 +42,24 @@ def test_the_passage_to_a_sum_is_that_to_what_it_counts(path):
                           (({"A": 1, "AB": 2}, 60), ("AB", 10)))  # fmt: skip
     assert by_sum.mean == by_species.mean
     assert (by_sum.target, by_species.target) == ("A + 2 AB >= 60", "10 AB")
-    assert predict_passage(model.network, None, model.initial, {"AB": 1}, 10).mean == by_species.mean
+    assert predict_passage(model.network, None, model.initial, {"AB": 1}, 10).mean.value == by_species.mean
     slopes = [passage_sensitivity(model.network, model.initial, *asked) for asked in (({"AB": 2.0}, 20), ("AB", 10))]
     assert slopes[0].value.tolist() == slopes[1].value.tolist()
     for more in ([], ["--sensitivity"], ["--within", "300"]):
         found, expected = (
             said("passage", path, "--species", name, "--copies", n, *more) for name, n in (("total", 60), ("AB", 10))
         )
-        assert found["mean"] == expected["mean"]
+        assert found["mean"]["value"] == expected["mean"]["value"]
     wrong = CliRunner().invoke(main, ["passage", str(path), "--species", "totl"])
     assert wrong.exit_code == 2
-    assert "--species totl: neither a species nor an observable; did you mean total?" in wrong.output
+    assert "'totl' is neither a species nor an observable; did you mean total?" in wrong.output
     with pytest.raises(ValueError, match="weight of 'A' is nan"):
         first_passage(model.network, model.initial, {"A": float("nan")})
 
 
 def test_conditions_and_rewards_name_sums(path):
     model = read(path)
-    chain = observing(Chain.of(model.network, model.initial), model.network, model.observables)
+    chain = observing(Chain.of(model), model)
     assert chain.variables == ("A", "B", "AB", "total", "gap")  # half is no whole number
     assert set(chain.rewards) == {"total", "half"}  # gap may be negative
     a, _, ab = np.asarray(chain.counts)[:, :3].T

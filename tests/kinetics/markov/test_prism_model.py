@@ -7,7 +7,7 @@ import pytest
 from exact_distributions import DIMERS, TRIMERS
 from known_systems import line, switch
 
-from kinetics import Chain, Network
+from kinetics import Chain, Model, Network
 from kinetics.markov import ask, prism_text
 from kinetics.markov.prism_model import prism_names
 
@@ -16,7 +16,7 @@ QUESTIONS = ("P=? [ F {0} >= {1} ]", "S=? [ {0} >= {1} ]", 'R{{"{0}"}}=? [ S ]')
 
 def text_of(network, start, observables=None):
     chain = Chain.of(network, start)
-    return chain, prism_text(network, np.array(start), np.asarray(chain.counts).max(axis=0), observables)
+    return chain, prism_text(Model(network, start, observables or {}), np.asarray(chain.counts).max(axis=0))
 
 
 def test_the_text():
@@ -31,14 +31,14 @@ def test_rate_laws_in_its_language():
     reactions = {"make": ({}, {"Y": 1}), "go": ({"Y": 1}, {})}
     laws = ["piecewise(2*Y**2, Y < 3 and not Y == 1, sqrt(K))", "1.5 * min(Y, 4) / (K + Y)"]
     net = Network.from_reactions(reactions, laws, parameters={"K": 2.0})
-    text = prism_text(net, np.array([1]), np.array([5]))
+    text = prism_text(Model(net, [1]), np.array([5]))
     assert "(((Y < 3.0) & !(Y = 1.0)) ? (2.0 * pow(Y, 2.0)) : pow(2.0, 0.5))" in text
     assert "(1.5 * min(Y, 4.0)) / (2.0 + Y)" in text
     for law in ("exp(-Y)", "Y % 2", "sin(Y)"):
         with pytest.raises(ValueError, match="PRISM's language cannot say"):
-            prism_text(Network.from_reactions(reactions, [law, 1.0]), np.array([1]), np.array([5]))
+            prism_text(Model(Network.from_reactions(reactions, [law, 1.0]), [1]), np.array([5]))
     with pytest.raises(ValueError, match="depends on the time"):
-        prism_text(Network.from_reactions(reactions, ["1 + sin(t)", 1.0]), np.array([1]), np.array([5]))
+        prism_text(Model(Network.from_reactions(reactions, ["1 + sin(t)", 1.0]), [1]), np.array([5]))
 
 
 def test_names_that_are_words_of_the_language():
@@ -81,7 +81,7 @@ def test_storm_reads_it_and_agrees(network, start, species, copies, tmp_path):
 def test_rewards_have_the_names_that_variables_would_have():
     """Of sites in brackets, of keywords, and of names that differ in what PRISM cannot have."""
     network = Network.from_reactions({"on": ({"A(b)": 1, "A[b]": 1}, {"max": 1})}, [0.01])
-    text = prism_text(network, np.array([2, 1, 0]), np.array([2, 1, 1]), {"A-b": {"max": 1.0}, "init": {"A(b)": 2.0}})
+    text = prism_text(Model(network, [2, 1, 0], {"A-b": {"max": 1.0}, "init": {"A(b)": 2.0}}), np.array([2, 1, 1]))
     names = [line.split('"')[1] for line in text.splitlines() if line.startswith("rewards")]
     assert names == ["A_b_", "A_b__", "n_max", "A_b", "n_init"]
     assert 'rewards "n_init"\n  true : 2.0 * A_b_;\nendrewards' in text

@@ -91,7 +91,7 @@ def test_questions_ask_the_methods():
         ('P=? [ !"end" U<=2 x = 1 & true ]', chain.until("x == 1", '!"end"', by=2.0)),
         ("P=? [ true U end ]", chain.until("end")),
         ("P=? [ G<=3 x != 2 ]", chain.always('!"end"', by=3.0)),
-        ("S=? [ x <= 1 | false ]", chain.in_the_end("x <= 1")),
+        ("S=? [ x <= 1 | false ]", chain.steady_state("x <= 1")),
         ("R=? [ I=2 ]", chain.reward("r", at=2.0)),
         ('R{"x"}=? [ C<=2 ]', chain.reward("x", up_to=2.0)),
         ('R{"r"}=? [ F "end" ]', chain.reward("r", until="end")),

@@ -1,5 +1,7 @@
 """Derivatives of a chain's answers: closed forms, differences of the answers themselves, names, input and pictures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from known_systems import decay, line, network, switch
@@ -78,7 +80,7 @@ def test_decay():
     assert at.low[0] <= true <= at.high[0]
     assert at.elasticity[0] == pytest.approx(-k * t, rel=1e-12)
     assert at.by_constant[0] == pytest.approx(true / k, rel=1e-12)
-    low, high = at.elasticity_limits
+    low, high = at.elasticity_bounds
     assert low[0] <= -k * t <= high[0]
     assert high[0] - low[0] < 1e-10
     extinct = asked.until("X == 0", by=t)
@@ -103,7 +105,7 @@ def test_a_switch():
 
 def test_a_rate_law_has_a_factor_before_it():
     """X -> nothing at vmax X / (K + X) with one copy: an exponential wait of rate vmax / (K + 1)."""
-    model = decay(1.0).with_laws({"decay": "2.0 * X / (3.0 + X)"})
+    model = replace(decay(1.0), laws={"decay": "2.0 * X / (3.0 + X)"})
     found = Sensitivity(Chain.of(model, {"X": 1})).until("X == 0", by=1.5)
     assert found.value[0] == pytest.approx(0.75 * np.exp(-0.75), rel=1e-12)
     assert found.is_bound  # by what interval arithmetic knows of the law

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kinetics import Chain, Network
+from kinetics import Chain, Model, Network
 from kinetics.markov.observing import observing
 from kinetics.markov.queries import parse
 from kinetics.markov.settling import answering_chains
@@ -30,10 +30,10 @@ QUESTIONS = [
 BODIES = {"bodies": {"A": 1, "D": 1, "E": 1}}
 
 
-def answered(questions, net, initial, observables=None, **more):
+def answered(questions, model, **more):
     queries = [parse(question) for question in questions]
     found = {}
-    for chain, places in answering_chains(queries, net, initial, observables or {}, **more):
+    for chain, places in answering_chains(queries, model, **more):
         found |= {place: (queries[place].of(chain), len(chain)) for place in places}
     return [found[place] for place in range(len(queries))]
 
@@ -41,15 +41,15 @@ def answered(questions, net, initial, observables=None, **more):
 @pytest.mark.parametrize("within", [None, "E <= 6", 60])
 @pytest.mark.parametrize("question", QUESTIONS)
 def test_the_answer_is_that_of_the_whole_chain(question, within):
-    net = Network.from_text(DIMERS)
-    whole = observing(Chain.of(net, net.initial, within=within), net, BODIES)
+    model = Model(Network.from_text(DIMERS), observables=BODIES)
+    whole = observing(Chain.of(model, within=within), model)
     try:
         expected = parse(question).of(whole)
     except ValueError as refusal:
         with pytest.raises(ValueError, match=str(refusal)[:30]):
-            answered([question], net, net.initial, BODIES, within=within)
+            answered([question], model, within=within)
         return
-    ((found, size),) = answered([question], net, net.initial, BODIES, within=within)
+    ((found, size),) = answered([question], model, within=within)
     if within is None:
         assert found.value == pytest.approx(expected.value, rel=1e-11)
     assert found.low <= expected.high * (1 + 1e-12)
@@ -60,31 +60,31 @@ def test_the_answer_is_that_of_the_whole_chain(question, within):
 
 
 def test_questions_to_one_chain_share_it_and_do_not_spoil_each_other():
-    net = Network.from_text(DIMERS)
-    together = answered(QUESTIONS, net, net.initial, BODIES)
-    whole = observing(Chain.of(net, net.initial), net, BODIES)
+    model = Model(Network.from_text(DIMERS), observables=BODIES)
+    together = answered(QUESTIONS, model)
+    whole = observing(Chain.of(model), model)
     for question, (found, size) in zip(QUESTIONS, together, strict=True):
         expected = parse(question).of(whole)
         assert (found.value, found.low, found.high, size) == (expected.value, expected.low, expected.high, len(whole))
 
 
 def test_where_all_states_cannot_be_listed_each_question_has_its_own_chain():
-    net = Network.from_text(QUEUE)
-    few, many = answered(["P=? [ F<=60 Job >= 20 ]", "P=? [ F<=60 Job = 5 ]"], net, [0])
+    net = Model(Network.from_text(QUEUE), [0])
+    few, many = answered(["P=? [ F<=60 Job >= 20 ]", "P=? [ F<=60 Job = 5 ]"], net)
     assert (few[1], many[1]) == (21, 6)
     assert few[0].value == pytest.approx(0.0423456633328, abs=1e-12)
     assert many[0].value > few[0].value
-    twice = answered(["P=? [ F<=60 Job >= 20 ]", "P=? [ F Job >= 20 ]"], net, [0])
+    twice = answered(["P=? [ F<=60 Job >= 20 ]", "P=? [ F Job >= 20 ]"], net)
     assert [size for _, size in twice] == [21, 21]
     assert twice[0][0].value == few[0].value
     with pytest.raises(TooManyStatesError, match="'arrive'"):
-        answered(["P=? [ F<=60 Job >= 20 ]", "E[Job] @ 60"], net, [0])
+        answered(["P=? [ F<=60 Job >= 20 ]", "E[Job] @ 60"], net)
 
 
 def test_the_chain_also_stops_where_it_is_told_to():
-    net = Network.from_text("0 <-> A, 1, 1\n0 <-> B, 1, 1")
-    ((found, _),) = answered(["P=? [ F<=2 A >= 3 ]"], net, {}, stop="B >= 2")
-    expected = parse("P=? [ F<=2 A >= 3 ]").of(Chain.of(net, {}, stop=lambda s: (s[:, 1] >= 2) | (s[:, 0] >= 3)))
+    net = Model(Network.from_text("0 <-> A, 1, 1\n0 <-> B, 1, 1"))
+    ((found, _),) = answered(["P=? [ F<=2 A >= 3 ]"], net, stop="B >= 2")
+    expected = parse("P=? [ F<=2 A >= 3 ]").of(Chain.of(net, stop=lambda s: (s[:, 1] >= 2) | (s[:, 0] >= 3)))
     assert found.value == expected.value
     assert 0 < found.value < 1
     assert np.isfinite(found.high)

@@ -1,5 +1,7 @@
 """The kernels in C give the bits of those by Numba: same counts, same chances, same outcomes."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from break_studies import TANK, by_first_coefficient
@@ -18,6 +20,7 @@ from kinetics.network import Network
 from kinetics.rates.breaks import break_model
 from kinetics.sampling.base import stream_key
 from kinetics.sampling.merging import Merging
+from kinetics.sampling.stopping import stop_at
 
 pytestmark = pytest.mark.skipif(not library.is_built(), reason="the C kernels were not built: there was no compiler")
 
@@ -44,24 +47,24 @@ CASES = {
 }
 
 
-def one_by_one(model, changes, start, grid, out, events_a_call, kernel):
+def one_by_one(model, changes, start, grid, out, events_a_call, kernel, *stopping):
     """Outcome, and where the runs stand: those that cannot go on are left there."""
     work, limits = ensemble_work(start.size), np.array([grid.size, grid.size, 0, 10**6])
     outcomes_met = []
     while work.notes[RUN] < len(out):
-        outcome = kernel(model, changes, work, start, grid, stream_key(3), 5, limits, out, events_a_call)
+        outcome = kernel(model, changes, work, start, grid, stream_key(3), 5, limits, out, events_a_call, *stopping)
         if outcome not in (outcomes.REACHED_END, outcomes.UNFINISHED):
             outcomes_met.append((int(work.notes[RUN]), outcome, *work.clock, *work.counts))
             work.notes[RUN], work.notes[EVENTS] = work.notes[RUN] + 1, BEFORE
     return outcomes_met
 
 
-def side_by_side(model, changes, start, grid, out, events_a_call, kernel):
+def side_by_side(model, changes, start, grid, out, events_a_call, kernel, *stopping):
     lanes, limits = Lanes(model, changes), np.array([grid.size, grid.size, 0, 10**6])
     is_odd = np.zeros(len(out), bool)
     given = lanes if kernel is twins.lockstep else lockstep.LockstepWork(**lanes.arrays)
     while True:
-        kernel(model, changes, given, start, grid, stream_key(3), 5, limits, out, is_odd, events_a_call)
+        kernel(model, changes, given, start, grid, stream_key(3), 5, limits, out, is_odd, events_a_call, *stopping)
         if not lanes.arrays["notes"][0]:
             return is_odd
 
@@ -72,12 +75,15 @@ KERNELS = {
 }
 
 
-def ended(make, kernel, net, initial, end, runs, events_a_call=10**6):
-    """What stopped runs, and counts."""
+def ended(make, kernel, net, initial, end, runs, events_a_call=10**6, until=None):
+    """What stopped runs, and counts; and with a condition when it held."""
     merging, start = Merging.of(net), np.asarray(initial, np.int64)
     out = np.full((runs, 7, start.size), -1, np.int64)
     changes, grid = net.stoichiometry[merging.leaders], np.linspace(0.0, end, 7)
-    return make(merging.model(), changes, start, grid, out, events_a_call, kernel), out
+    if until is None:
+        return make(merging.model(), changes, start, grid, out, events_a_call, kernel), out
+    stop, reached = stop_at(until, net, start)[0].of_channels(merging.leaders), np.full(runs, np.inf)
+    return make(merging.model(), changes, start, grid, out, events_a_call, kernel, stop, reached), out, reached
 
 
 @pytest.mark.parametrize("runs", [1, 20, 150])
@@ -89,6 +95,27 @@ def test_runs_have_the_same_bits(name, kernel, runs):
     other, same = ended(make, by_numba, *CASES[name], runs, events_a_call=777)
     assert_array_equal(stopped, other)
     assert_array_equal(counts, same)
+
+
+UNTIL = {
+    "line": "dimer >= 9 & !(monomer > 40) | quadmer == 3",
+    "broken by partners": "dimer >= 3",
+    "mixed": "A + 2 * B >= 96",
+    "ring": "place0 - 1.5 * place1 < -12",
+    "third order": "A * B < 18",
+}
+
+
+@pytest.mark.parametrize("runs", [3, 150])
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("name", UNTIL)
+def test_runs_that_end_at_a_condition_have_the_same_bits(name, kernel, runs):
+    make, in_c, by_numba = KERNELS[kernel]
+    _, counts, reached = ended(make, in_c, *CASES[name], runs, until=UNTIL[name])
+    _, same, other = ended(make, by_numba, *CASES[name], runs, events_a_call=777, until=UNTIL[name])
+    assert_array_equal(reached, other)
+    assert_array_equal(counts, same)
+    assert np.isfinite(reached).any()
 
 
 def test_an_event_that_is_too_much_is_taken_back():
@@ -251,6 +278,9 @@ def test_steps_of_a_chain_are_the_same():
     for steps in (4, 5):
         empty = np.empty(steps), np.empty(steps), np.empty(steps)
         assert_same(twins.absorb, markov.absorb, (*arrays, vectors[0].copy(), *empty))
+        begin, now = (np.array([3, 0]), np.array([0.25, 0.75])), (vectors[1].copy(), np.empty(200))
+        in_c, by_numba = partial(twins.retreat, twins.backward_moves(*arrays)), partial(markov.retreat, *arrays)
+        assert_same(in_c, by_numba, (*begin, *now, np.empty(steps)))
 
 
 @pytest.mark.parametrize("is_occupation", [False, True])

@@ -2,6 +2,7 @@
 
 import tracemalloc
 from copy import copy
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -65,14 +66,14 @@ def with_class_rates(net):
 
 CHANGES = {
     "rates": lambda net: net.with_rates(np.ones(N), ways=2 * np.ones(N), combinations="product"),
-    "laws": lambda net: net.with_laws({"r0": "2 * s0", "r19999": "s5 * (1 + sin(t))"}, at_zero="refuse"),
-    "events": lambda net: net.with_events([DOSE]),
-    "conserved": lambda net: net.with_conserved({"double": 2 * np.ones(N)}),
+    "laws": lambda net: replace(net, laws={"r0": "2 * s0", "r19999": "s5 * (1 + sin(t))"}, at_zero="refuse"),
+    "events": lambda net: replace(net, events=[DOSE]),
+    "conserved": lambda net: replace(net, conserved={"double": 2 * np.ones(N)}),
     "file of rates": lambda net: rates_of(net).apply(net),
     "file of class rates": with_class_rates,
     "state": lambda net: net.state({f"s{i}": 1 for i in range(N)}),
     "index": lambda net: [net.index(f"s{i}") for i in range(N)],
-    "fingerprint": lambda net: net.with_events([DOSE]).fingerprint,
+    "fingerprint": lambda net: replace(net, events=[DOSE]).fingerprint,
     "repr": repr,
     "propensities": lambda net: net.with_rates(np.ones(N)).propensities(np.ones(N, dtype=int)),
 }
@@ -102,21 +103,21 @@ def test_each_change_is_there_and_nothing_else_is():
     changed = net.with_rates(np.ones(8), 2 * np.ones(8), "product")
     assert (changed.combinations, changed.conserved) == ("product", net.conserved)
     assert_array_equal(changed.rate_constants * changed.ways, 2 * np.ones(8))
-    lawful = changed.with_laws({second: "monomer * dimer", first: "2 * monomer"}, at_zero="refuse")
+    lawful = replace(changed, laws={second: "monomer * dimer", first: "2 * monomer"}, at_zero="refuse")
     assert list(lawful.laws) == [first, second]
     assert lawful.at_zero == "refuse"
     assert_array_equal(lawful.propensities([5, 2, 0, 0])[:2], [20, 20])
     feed = Event("feed", "t >= 1", {"monomer": "monomer + 1"})
-    fed = lawful.with_events([feed])
+    fed = replace(lawful, events=[feed])
     assert fed.events == (feed,)
-    assert fed.with_events([]).fingerprint == lawful.fingerprint
+    assert replace(fed, events=()).fingerprint == lawful.fingerprint
     assert len({net.fingerprint, lawful.fingerprint, fed.fingerprint}) == 3
-    assert fed.with_events([]).with_laws({}, "block").fingerprint == net.fingerprint == changed.fingerprint
-    assert list(fed.with_conserved({}).conserved) == []
+    assert replace(fed, events=(), laws={}, at_zero="block").fingerprint == net.fingerprint == changed.fingerprint
+    assert list(replace(fed, conserved={}).conserved) == []
     assert net.laws == {}
     assert net.events == ()
     assert_array_equal(net.rate_constants, np.arange(8.0))
-    made_at_once = Network.from_sparse(
+    made_at_once = Network(
         net.species, net.channels, net.sparse_reactants, net.sparse_stoichiometry,
         fed.ways, fed.rate_constants, "product", net.conserved, fed.laws, [feed], "refuse", time_unit="tu",
     )  # fmt: skip
@@ -131,13 +132,16 @@ def test_each_change_is_there_and_nothing_else_is():
         (lambda net: net.with_rates(-np.ones(8)), "rate_constants holds -1.0; expected at least 0"),
         (lambda net: net.with_rates(np.ones(8), ways=[1]), "ways has shape"),
         (lambda net: net.with_rates(np.ones(8), combinations="unlike"), "combinations = 'unlike'; expected one of"),
-        (lambda net: net.with_laws({"sideways": "1"}), "a law for channel 'sideways', which the network does not have"),
-        (lambda net: net.with_laws({net.channels[0]: "2 * pentamer"}), "unknown name 'pentamer'"),
-        (lambda net: net.with_laws({}, at_zero="never"), "at_zero = 'never'; expected one of block, refuse"),
-        (lambda net: net.with_events(["dose"]), "expected a sequence of kinetics.network.laws.Event"),
-        (lambda net: net.with_events([DOSE]), "event 'dose' sets 's0'"),
-        (lambda net: net.with_events([Event("a", "t > 1", {"dimer": 1})] * 2), "events has 'a' twice"),
-        (lambda net: net.with_conserved({"cubes": np.ones(4)}), "changes the conserved quantity 'cubes' by"),
+        (
+            lambda net: replace(net, laws={"sideways": "1"}),
+            "a law for channel 'sideways', which the network does",
+        ),
+        (lambda net: replace(net, laws={net.channels[0]: "2 * pentamer"}), "unknown name 'pentamer'"),
+        (lambda net: replace(net, at_zero="never"), "at_zero = 'never'; expected one of block, refuse"),
+        (lambda net: replace(net, events=["dose"]), "expected a sequence of kinetics.network.laws.Event"),
+        (lambda net: replace(net, events=[DOSE]), "event 'dose' sets 's0'"),
+        (lambda net: replace(net, events=[Event("a", "t > 1", {"dimer": 1})] * 2), "events has 'a' twice"),
+        (lambda net: replace(net, conserved={"cubes": np.ones(4)}), "changes the conserved quantity 'cubes' by"),
     ],
 )
 def test_a_change_is_checked_as_a_new_network_is(change, message):

@@ -1,16 +1,17 @@
 """What reads few states or events of a network of very many species and channels makes no dense table of it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_array_equal
 
-from kinetics.formats import NetworkModel, write
-from kinetics.markov.passage import committor, first_passage
+from kinetics.formats import write
+from kinetics.markov import committor, first_passage
 from kinetics.markov.transient import FiniteStateProjection, reachable
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.sampling import sample_path
 from wellmixed import main
@@ -54,7 +55,7 @@ def test_a_path(ring):
 
 @pytest.mark.parametrize("law", [False, True])
 def test_few_states(ring, law):
-    net = ring.with_laws({"r0": "2 * s0"}) if law else ring
+    net = replace(ring, laws={"r0": "2 * s0"}) if law else ring
     space = reachable(net, one(), stop=is_far)
     assert_array_equal(space.states.argmax(axis=1), np.arange(FAR + 1))
     rows, columns, rates, *_ = space.transitions()
@@ -76,14 +77,14 @@ def test_a_projection(ring):
 
 
 def test_its_json_is_refused_with_advice_and_that_of_a_smaller_one_is_whole(ring, monkeypatch, tmp_path):
-    write(NetworkModel(ring, one()), tmp_path / "ring.net")
-    done = CliRunner().invoke(main, ["derive", str(tmp_path / "ring.net"), "--json"])
+    write(Model(ring, one()), tmp_path / "ring.net")
+    done = CliRunner().invoke(main, ["rules", "derive", str(tmp_path / "ring.net"), "--json"])
     assert done.exit_code == 2
     assert "3000 by 3000 are 9000000 entries" in " ".join(done.output.split())
     assert "--out" in done.output
     monkeypatch.undo()
     small = Network.from_reactions({"turn": ({"A": 2}, {"B": 1})}, [1.0])
-    write(NetworkModel(small, np.array([4, 0])), tmp_path / "small.net")
-    data = json.loads(CliRunner().invoke(main, ["derive", str(tmp_path / "small.net"), "--json"]).output)
+    write(Model(small, np.array([4, 0])), tmp_path / "small.net")
+    data = json.loads(CliRunner().invoke(main, ["rules", "derive", str(tmp_path / "small.net"), "--json"]).output)
     assert data["reactants"] == [[2, 0]]
     assert data["stoichiometry"] == [[-2, 1]]

@@ -5,10 +5,11 @@ from math import sqrt
 import numpy as np
 import pytest
 from derived_books import derived
+from grown_paths import path_of
 from scipy.stats import binom
 
 from kinetics import Transient, solve
-from kinetics.networkfree import grow, path_of
+from kinetics.networkfree import grow
 from kinetics.rates import ClassRates
 
 LINE = derived("line4")

@@ -81,8 +81,8 @@ def cells(growths, derivation, space, time):
 @pytest.mark.parametrize(
     ("book", "cubes", "times", "runs", "mistake"),
     [
-        (LINE4, 8, (4.0, 40.0), 1000, with_like_pairs_twice),
-        (T5, 8, (5.0, 60.0), 1000, with_like_pairs_twice),
+        pytest.param(LINE4, 8, (4.0, 40.0), 1000, with_like_pairs_twice, marks=pytest.mark.validate),
+        pytest.param(T5, 8, (5.0, 60.0), 1000, with_like_pairs_twice, marks=pytest.mark.validate),
         (TWIST, 6, (4.0, 40.0), 1500, with_twists_alike),
         (STICKY, 5, (0.5, 5.0), 1200, with_like_pairs_twice),  # loops hold; twelve squares, plates and lines
         (SEQUENTIAL, 5, (5.0, 30.0), 1200, with_like_pairs_twice),
@@ -130,6 +130,7 @@ def test_a_join_without_a_rate_is_refused_when_it_happens():
         grow(STICKY, known, 12, 50.0, runs=3)
 
 
+@pytest.mark.validate
 def test_agrees_with_the_direct_method_in_a_larger_tank():
     """60 cubes of line4: the means of the two samples differ by chance alone; joins a fifth too fast are seen."""
     times = [1.0, 60.0]
@@ -174,6 +175,7 @@ def test_first_pair_and_last_pair_of_irreversible_dimers():
     assert (growths.count(dimer, [1e6]) == n // 2).all()
 
 
+@pytest.mark.validate
 def test_equilibrium_of_dimers():
     """Detailed balance: p(d + 1) / p(d) = 4 k (n - 2 d) (n - 2 d - 1) / (2 kb (d + 1))."""
     k, kb, n = 2e-3, 0.1, 12
@@ -213,7 +215,7 @@ def test_pyramid_grows_from_its_seed():
     network = derivation.network.with_rates([7e-5] * len(derivation.events))
     names = {s: network.species[derivation.species_of(s)] for s in (PYRAMID.monomer(), PYRAMID.seed(), PYRAMID.target)}
     passage = first_passage(network, {names[PYRAMID.monomer()]: 200, names[PYRAMID.seed()]: 1}, names[PYRAMID.target])
-    growths = grow(PYRAMID, ClassRates.uniform(7e-5), 200, 1200.0, runs=30, seed=6)
+    growths = grow(PYRAMID, ClassRates.uniform(7e-5), 200, 1200.0, runs=12, seed=6)
     first = growths.first_times(PYRAMID.target)
     assert_follows_cdf(first, passage.cdf)
     assert abs(first.mean() - passage.mean) < 4.9 * passage.sd / math.sqrt(len(first))

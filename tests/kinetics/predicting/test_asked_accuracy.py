@@ -1,6 +1,8 @@
+import re
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,15 +11,18 @@ from known_systems import bare_line, line
 from numpy.testing import assert_array_equal
 from scipy.stats import binom, norm, t
 
-from kinetics import Auto, Network, Transient, predict, simulate_statistics, solve
-from kinetics.predicting import AskedAccuracy, enough_runs, looks
-from kinetics.predicting.accuracy import LEVEL, accuracy_of
-from kinetics.predicting.enough_runs import MOST_FIRST, RunsUntil, runs_for_distributions
-from kinetics.predicting.looks import ROWS, Look
+from kinetics import Auto, Model, Network, Transient, predict, simulate_statistics, solve
+from kinetics.predicting import AskedAccuracy, adaptive, stopping_rule, tuning
+from kinetics.predicting.accuracy import CostForecast, accuracy_of
+from kinetics.predicting.adaptive import adaptive_prediction
+from kinetics.predicting.first_runs import first_runs
+from kinetics.predicting.job import Job
 from kinetics.predicting.observables import Observables
-from kinetics.predicting.reaching import AskedCounts, reach
-from kinetics.predicting.run_cost import FIRST_RUNS, first_runs
-from kinetics.predicting.solved_errors import error_reached, is_endless, largest_counts, tolerance_for
+from kinetics.predicting.sampled_way import RunsUntil, runs_for_distributions
+from kinetics.predicting.solved_ways import error_reached, is_endless, largest_counts, tolerance_for
+from kinetics.predicting.stopping_rule import Look
+from kinetics.predicting.tuning import FIRST_RUNS, LEVEL, MOST_FIRST, ROWS
+from kinetics.predicting.ways import AccuracyWay, Attained
 from kinetics.rates import ChannelRate, Convention, Rates
 from kinetics.runs import statistics
 from kinetics.runs.statistics import Tally, kept_pairs
@@ -28,9 +33,9 @@ DECAY = Network.from_text("A -> 0, 0.1")
 TIMES = np.array([5.0, 10.0, 20.0])
 
 
-def failures(asked, network, start, times, truth, repeats, with_scouts=True):
+def failures(asked, network, start, times, truth, repeats, with_forced=True):
     """How often the accuracy was not kept."""
-    made = (sampled(asked, network, start, times, n, with_scouts=with_scouts).statistics for n in range(repeats))
+    made = (sampled(asked, network, start, times, n, with_forced=with_forced).statistics for n in range(repeats))
     return sum(share_of_accuracy(asked, each, truth) > 1 for each in made)
 
 
@@ -63,8 +68,8 @@ def test_runs_keep_the_accuracy_as_often_as_they_say(case, truth_of):
     assert missed <= allowed(repeats)
 
 
-def test_looks_that_are_easily_content_are_seen(monkeypatch, truth_of):
-    monkeypatch.setattr(looks, "chance_at", lambda *_: 8 * looks.ALLOWED * (1 - LEVEL))
+def test_looks_that_are_satisfied_too_soon_are_seen(monkeypatch, truth_of):
+    monkeypatch.setattr(stopping_rule, "chance_at", lambda *_: 8 * tuning.ALLOWED * (1 - LEVEL))
     asked, text, start, times, repeats = CASES["mean"]
     missed = failures(asked, Network.from_text(text), start, times, truth_of(text, start, times), repeats)
     assert missed > allowed(repeats)
@@ -81,7 +86,7 @@ def chance_to_be_wrong(first, needed, chains=20_000):
     runs = np.full(chains, first)
     squares = variance * rng.chisquare(first - 1, chains)
     wrong = 0.0
-    chance = looks.chance_at(first, True)
+    chance = stopping_rule.chance_at(first, True)
     while runs.size:
         seen = squares / (runs - 1)
         factor = t.isf(chance / 2, runs - 1)
@@ -89,8 +94,8 @@ def chance_to_be_wrong(first, needed, chains=20_000):
         wrong += 2 * norm.sf(np.sqrt(runs[ends] / variance)).sum()
         runs, squares, seen = runs[~ends], squares[~ends], seen[~ends]
         more = norm.isf(chance / 2) ** 2 * seen
-        aim = np.minimum(looks.MARGIN * more, looks.GROWTH * runs)
-        more = np.ceil(np.maximum(aim, looks.LEAST_GROWTH * runs)).astype(int) - runs
+        aim = np.minimum(tuning.MARGIN * more, tuning.GROWTH * runs)
+        more = np.ceil(np.maximum(aim, tuning.LEAST_GROWTH * runs)).astype(int) - runs
         squares = squares + variance * rng.chisquare(more)
         runs = runs + more
     return wrong / chains
@@ -103,7 +108,7 @@ def test_looks_at_normal_figures_are_wrong_no_more_often_than_they_say(first):
 
 
 def test_a_chance_twice_as_large_would_be_seen(monkeypatch):
-    monkeypatch.setattr(looks, "ALLOWED", 2 * looks.ALLOWED)
+    monkeypatch.setattr(tuning, "ALLOWED", 2 * tuning.ALLOWED)
     assert max(chance_to_be_wrong(64, ratio * 64) for ratio in (1.0, 1.6, 2.0)) > 1 - LEVEL
 
 
@@ -112,7 +117,7 @@ def test_correlated_figures_count_once_and_independent_ones_each():
     same = np.repeat(rng.standard_normal((64, 1)), 50, axis=1)[:, :, None]
     own = rng.standard_normal((64, 50))[:, :, None]
     one, all_same, all_own = (
-        np.quantile(looks.largest_errors(values, np.ones(values.shape[1:]), 3), 0.95)
+        np.quantile(stopping_rule.largest_errors(values, np.ones(values.shape[1:]), 3), 0.95)
         for values in (same[:, :1], same, own)
     )
     assert all_same == pytest.approx(one, rel=0.15)
@@ -120,7 +125,7 @@ def test_correlated_figures_count_once_and_independent_ones_each():
     assert all_own > 1.3 * one
     seldom = np.zeros((64, 1, 50))  # of species that differ in one run alone, all in the same
     seldom[0] = 1.0
-    assert np.quantile(looks.largest_errors(seldom, np.ones((1, 50)), 3), 0.95) == pytest.approx(one, rel=0.15)
+    assert np.quantile(stopping_rule.largest_errors(seldom, np.ones((1, 50)), 3), 0.95) == pytest.approx(one, rel=0.15)
 
 
 @pytest.mark.parametrize("of", ["mean", "sd"])
@@ -129,7 +134,7 @@ def test_what_a_look_says_of_one_figure_by_hand(of):
     counts = np.random.default_rng(1).poisson(np.repeat([3.0, 40.0], [56, 8]))
     tally = Tally(DECAY, np.array([1.0]), kept_pairs(1, False))
     tally.add(counts[:, None, None])
-    look = looks.Look(AskedAccuracy(0.5, False, of), tally, counts[:, None, None], np.zeros((1, 1), bool), 1)
+    look = Look(AskedAccuracy(0.5, False, of), tally, counts[:, None, None], np.zeros((1, 1), bool), 1)
     away = counts - counts.mean()
     values, sd = away if of == "mean" else away**2 - (away**2).mean(), counts.std(ddof=1)
     tolerance = 0.5 if of == "mean" else sd**2 - (sd - 0.5) ** 2
@@ -149,7 +154,7 @@ def test_errors_of_variances_count_once_where_distances_from_the_mean_are_alike(
         rows = 100 + np.concatenate([away, -away])[:, None]
         tally = Tally(network, np.array([1.0]), kept_pairs(40, False))
         tally.add(rows)
-        look = looks.Look(AskedAccuracy(0.5, False, "sd"), tally, rows, np.zeros((1, 40), bool), 1)
+        look = Look(AskedAccuracy(0.5, False, "sd"), tally, rows, np.zeros((1, 40), bool), 1)
         needed.append(look.fixed(0.05) / look.ratios.max() ** 2)
     assert needed[1] > 1.7 * needed[0]
 
@@ -181,7 +186,9 @@ def test_a_spread_within_a_bin_counts(monkeypatch):
 
 
 def test_figures_that_never_differ_count_once_a_species():
-    times, species = (looks.largest_errors(np.zeros((16, *shape)), np.ones(shape), 1) for shape in ((8, 1), (1, 8)))
+    times, species = (
+        stopping_rule.largest_errors(np.zeros((16, *shape)), np.ones(shape), 1) for shape in ((8, 1), (1, 8))
+    )
     assert np.mean(times) == pytest.approx(np.sqrt(2 / np.pi), rel=0.1)
     assert np.mean(species) > 1.5
 
@@ -234,7 +241,7 @@ def test_distributions_take_as_many_runs_as_dvoretzky_kiefer_wolfowitz_and_massa
     made = sampled(AskedAccuracy(0.1, False, "distribution"), DECAY, {"A": 20}, TIMES, 1)
     assert made.statistics.runs == runs_for_distributions(0.1, 3)
     assert made.error == pytest.approx(0.1)
-    assert begun(AskedAccuracy(0.1, False, "distribution"), 0).foretell() == made.statistics.runs
+    assert begun(AskedAccuracy(0.1, False, "distribution"), 0).forecast() == made.statistics.runs
 
 
 def test_what_was_chosen_is_the_cheaper_and_is_told():
@@ -309,9 +316,9 @@ def test_ctrl_c_keeps_the_runs_and_the_accuracy_reached():
     assert "NOT reached" in str(made.notes)
 
 
-@pytest.mark.parametrize("with_scouts", [True, False])
-def test_first_runs_that_are_enough_are_all(with_scouts):
-    made = sampled(AskedAccuracy(30.0), DECAY, {"A": 100}, TIMES, 1, with_scouts=with_scouts)
+@pytest.mark.parametrize("with_forced", [True, False])
+def test_first_runs_that_are_enough_are_all(with_forced):
+    made = sampled(AskedAccuracy(30.0), DECAY, {"A": 100}, TIMES, 1, with_forced=with_forced)
     assert made.statistics.runs == FIRST_RUNS
 
 
@@ -319,26 +326,26 @@ def begun(asked, runs, run_seconds=np.inf):
     """Runs of the decay until they are enough, of which so many were made."""
     source = Auto().source(DECAY, np.array([100]), 1)
     first = source.counts(TIMES, runs, threads=1) if runs else None
-    known = np.zeros((TIMES.size, 1), bool)
-    return RunsUntil(asked, DECAY, source, TIMES, known, 1, 1, lambda _: None, run_seconds, first)
+    job = Job(Model(DECAY, {"A": 100}), TIMES, seed=1, threads=1)
+    return RunsUntil(job, asked, source, run_seconds=run_seconds, first=first)
 
 
 def test_two_runs_that_were_made_are_kept_and_one_is_not():
     """An interrupt as early as it can come: one run has no variance."""
-    assert begun(AskedAccuracy(1.0), 2).interrupted().statistics.runs == 2
+    assert begun(AskedAccuracy(1.0), 2).interrupted().result.runs == 2
     with pytest.raises(KeyboardInterrupt):
         begun(AskedAccuracy(1.0), 1).interrupted()
 
 
-def test_all_runs_that_were_made_foretell_how_many_are_needed():
+def test_all_runs_that_were_made_forecast_how_many_are_needed():
     runs = begun(AskedAccuracy(0.5), 0, run_seconds=1e-5)
-    assert runs.foretell() == runs._seen_now().runs_needed()
+    assert runs.forecast() == runs._seen_now().runs_needed()
     assert runs.tally.runs > FIRST_RUNS
 
 
 @pytest.mark.parametrize(("room", "kept"), [(2**25, ROWS), (20 * 8 * TIMES.size, 20), (0, FIRST_RUNS)])
 def test_rows_are_kept_as_far_as_there_is_room(monkeypatch, room, kept):
-    monkeypatch.setattr(enough_runs, "ROW_BYTES", room)
+    monkeypatch.setattr(tuning, "ROW_BYTES", room)
     runs = begun(AskedAccuracy(1.0), 0)
     runs.fixed_from(100)
     assert sum(map(len, runs._rows)) == kept
@@ -369,7 +376,7 @@ def test_ctrl_c_while_a_solution_is_tried_keeps_the_first_runs(at):
     assert made.reached.error > 0.001
 
 
-def test_runs_that_were_followed_to_foretell_are_used_at_once_and_counted():
+def test_runs_that_were_made_to_forecast_are_used_at_once_and_counted():
     made = predict(DECAY, None, {"A": 10**5}, [1.0], accuracy="10%", seed=1, threads=1)
     *solutions, runs = made.reached.candidates
     assert runs.remark == f"about {made.runs} runs"
@@ -430,7 +437,7 @@ def test_the_cost_beyond_the_budget_is_told_before_the_work_starts():
     with pytest.raises(ValueError, match=r"beyond the budget of 1 s of CPU time.* which runs may reach"):
         predict(line(), None, [1000, 0, 0, 0], [50.0], accuracy="0.001%", budget=1.0, progress=lines.append)
     made = [int(text.split()[0]) for text in lines if "of about" in text]
-    assert max(made) <= MOST_FIRST  # those alone that foretell the cost
+    assert max(made) <= MOST_FIRST  # those alone that forecast the cost
 
 
 def test_rates_that_depend_on_time_are_sampled():
@@ -440,7 +447,7 @@ def test_rates_that_depend_on_time_are_sampled():
     assert "depends on the time" in str(made.notes)
 
 
-def test_events_of_a_run_are_foretold_also_where_they_crowd():
+def test_events_of_a_run_are_forecast_also_where_they_crowd():
     network, grid = DECAY, np.array([10.0, 1000.0])
     per_event = 1e-9 * Auto().choose(network).cost(NetworkSize.of(network))
     method = Auto().choose(network)
@@ -473,15 +480,15 @@ def test_a_plain_prediction_imports_nothing_of_it():
         "import sys; from kinetics import Network, predict; "
         "predict(Network.from_text('A -> 0, 1'), None, {'A': 5}, [1.0], runs=5); "
         "print([m for m in sys.modules if m.split('.')[-1] in "
-        "('accuracy', 'reaching', 'looks', 'enough_runs', 'run_cost', 'solved_errors', 'scouts')])"
+        "('accuracy', 'adaptive', 'tuning', 'ways', 'first_runs', 'sampled_way', 'solved_ways', 'stopping_rule')])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
 
-def test_reach_answers_a_question_by_itself():
-    answer = reach(AskedCounts(DECAY, np.array([100]), TIMES), AskedAccuracy(0.01, True))
-    assert answer.method == "exact"
+def test_a_job_is_answered_by_itself():
+    answer = adaptive_prediction(Job(Model(DECAY, {"A": 100}), TIMES), AskedAccuracy(0.01, True))
+    assert answer.reached.chosen == "exact"
     assert answer.reached.is_reached
 
 
@@ -499,7 +506,7 @@ def test_states_without_end_are_not_listed(text, endless):
     network = Network.from_text(text)
     assert is_endless(network) == endless
     made = predict(network, None, dict.fromkeys(network.species, 1), [1.0], accuracy="20%", seed=1)
-    assert ("exact: its states have no end" in str(made.notes)) == endless
+    assert ("exact: infinitely many states" in str(made.notes)) == endless
 
 
 @pytest.mark.parametrize(
@@ -507,7 +514,11 @@ def test_states_without_end_are_not_listed(text, endless):
     [
         ("A -> 0, 1\n0 -> B, 1e-300", {"A": 1}, [3000.0]),  # nearly nothing is left to follow
         ("A -> 0, 1\nB -> C, 1e-18", {"A": 5000, "B": 1}, [1000.0]),
-        ("on: G -> 0, 1e-3\nG -> G + A, 5\nH -> K, 1e-306", {"G": 1, "H": 1}, [5.0]),  # scouts that do nothing more
+        (
+            "on: G -> 0, 1e-3\nG -> G + A, 5\nH -> K, 1e-306",
+            {"G": 1, "H": 1},
+            [5.0],
+        ),  # forced, nothing more happens
     ],
 )
 def test_propensities_next_to_nothing_are_no_fault(text, start, times):
@@ -515,3 +526,51 @@ def test_propensities_next_to_nothing_are_no_fault(text, start, times):
     made = predict(network, None, start, times, accuracy="10%", seed=1)
     assert made.reached.error <= 0.1
     sampled(AskedAccuracy(0.1, True), network, start, np.array(times), 1)
+
+
+def test_a_late_explosion_ends_the_figures_of_all_runs():
+    """In one run of 300: at times before it, the accuracy holds as if nobody had asked for more."""
+    network = Network.from_text("0 -> X, 5\nX -> 0, 1\non: G -> A, 6e-4\nA -> 2 A, 30")
+    sums = Observables.of(network, {"X": {"X": 1}})
+    start, times = {"X": 5, "G": 1}, [0.5, 1.0, 6.0]
+    made = predict(network, None, start, times, accuracy="2%", seed=1, observables=sums, threads=1, max_events=10_000)
+    assert made.truncated.run > FIRST_RUNS
+    assert made.times.tolist() == times[: made.times.size]
+    assert made.times[-1] == made.truncated.until < made.truncated.beyond
+    assert made.mean.shape == made.standard_error.shape == (made.times.size, 1)
+    assert made.reached.is_reached
+    assert abs(made.mean - 5).max() < 0.1
+    assert str(made.truncated) in made.notes
+
+
+def test_a_solution_of_all_times_goes_before_runs_of_some():
+    network = Network.from_text("A -> B, 200\nB -> A, 200")
+    made = predict(network, None, {"A": 900}, [0.001, 0.2], accuracy="5%", seed=1, max_events=2000, threads=1)
+    assert (made.method, made.truncated, made.times.size) == ("exact", None, 2)
+
+
+def test_one_more_way_is_one_line(monkeypatch):
+    class Oracle(AccuracyWay):
+        name = "oracle"
+
+        def forecast(self, rivals):
+            self.cost = CostForecast(self.name, 0.0, "asked")
+            self.is_settled = rivals < np.inf
+
+        def attempt(self):
+            job = self.goal.job
+            return Attained(job.distribution(solve(job.model.network, "exact", job.model.initial, job.grid)), 0.0)
+
+    monkeypatch.setattr(adaptive, "WAYS", (*adaptive.WAYS, Oracle))
+    made = predict(line(), None, [60, 0, 0, 0], [500.0], accuracy="1%", seed=1)
+    assert (made.method, made.runs) == ("oracle", None)
+    assert made.reached.candidates[-1] == ("oracle", 0.0, "asked")
+
+
+def test_every_tuning_constant_says_what_measured_it():
+    text = Path(tuning.__file__).read_text(encoding="utf-8")
+    table = [line for line in text.splitlines() if re.match(r"[A-Z_]+(, [A-Z_]+)* = ", line)]
+    names = {name for each in table for name in each.partition(" = ")[0].split(", ")}
+    assert names == {name for name in vars(tuning) if name.isupper()}
+    for each in table:
+        assert re.search(r"\b(choice|timed|bench|test)\b", each.partition("#")[2]), each

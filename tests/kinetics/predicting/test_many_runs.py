@@ -41,9 +41,11 @@ def test_a_million_runs_take_less_than_a_gigabyte(tmp_path):
 def test_the_counts_themselves_of_a_third_of_these_runs_take_more():
     # The control: `simulate` keeps them.
     keep = (
-        "import numpy as np; from kinetics import Auto, Rates, simulate; from kinetics.commands.start import start; "
-        f"s = start('line4', {str(RATES)!r}, 60, None); model = s.rates.apply(s.network); "
-        "simulate(model, Auto(), s.state, np.linspace(0, 2000, 101), runs=350_000)"
+        "import numpy as np; from kinetics import Auto, simulate; "
+        "from kinetics.commands.models import applied, described; "
+        "from kinetics.support.cli.options import ModelOptions; "
+        f"model = applied(*described(ModelOptions('line4', {str(RATES)!r}, 60))); "
+        "simulate(model, Auto(), times=np.linspace(0, 2000, 101), runs=350_000)"
     )
     code, most = finished(subprocess.Popen([sys.executable, "-c", keep]))
     assert (code, most > GB) == (0, True)

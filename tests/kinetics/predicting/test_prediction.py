@@ -116,7 +116,7 @@ def test_no_estimate_leaves_its_interval_and_no_interval_what_is_possible(seed):
         assert (made.high <= most).all()
         assert (made.mean >= 0).all()
     first = predict_passage(bare_line(), rates, [8, 0, 0, 0], "quadmer", seed=seed, draws=20)
-    assert 0 < first.low <= first.mean <= first.high < np.inf
+    assert 0 < first.mean.low <= first.mean.value <= first.mean.high < np.inf
     assert np.isfinite(first.passage.mean)
 
 
@@ -179,18 +179,19 @@ def test_order_of_channels_in_the_file_does_not_matter():
     rates = measured(1_000_000)
     turned = rates.replace(channels=dict(reversed(rates.channels.items())))
     one, other = (predict_passage(bare_line(), r, START, "quadmer", draws=50) for r in (rates, turned))
-    assert_allclose([one.low, one.mean, one.high], [other.low, other.mean, other.high], rtol=5e-3)
+    for end in ("low", "value", "high"):
+        assert getattr(one.mean, end) == pytest.approx(getattr(other.mean, end), rel=5e-3)
 
 
 def test_passage_with_its_interval():
     made = predict_passage(bare_line(), measured(50), START, "quadmer", seed=1)
     at_mean = measured(50).expected(bare_line())
     assert made.passage.mean == first_passage(at_mean, START, "quadmer").mean
-    assert made.low < made.mean < made.high
-    assert 0.1 < (made.high - made.low) / made.mean < 0.6
+    assert made.mean.low < made.mean.value < made.mean.high
+    assert 0.1 < (made.mean.high - made.mean.low) / made.mean.value < 0.6
     known = predict_passage(bare_line(), Rates.load("table3"), START, "quadmer")
-    assert (known.low, known.high) == (None, None)
-    assert known.mean == known.passage.mean == first_passage(line(), START, "quadmer").mean
+    assert known.mean.kind == "proven"
+    assert known.mean.value == known.passage.mean == first_passage(line(), START, "quadmer").mean
 
 
 def test_a_mean_time_without_a_posterior_mean_has_its_median_in_closed_form():
@@ -199,9 +200,9 @@ def test_a_mean_time_without_a_posterior_mean_has_its_median_in_closed_form():
     channels = {n: ChannelRate(rate=seen / 10, ways=1, events=seen, exposure=10.0) for n, seen in events.items()}
     rates = Rates(convention=Convention(combinations="distinct"), channels=channels)
     made = predict_passage(switch(), rates, [1, 0], "B", draws=400)
-    share = gamma(0.5, scale=0.1).sf(1 / made.mean)
+    share = gamma(0.5, scale=0.1).sf(1 / made.mean.value)
     assert abs(share - 0.5) < 4.9 * 0.025
-    assert 0 < made.low < made.mean < made.high < np.inf
+    assert 0 < made.mean.low < made.mean.value < made.mean.high < np.inf
     assert any("posterior median" in note for note in made.notes)
     # control: at the point rates it never comes
     assert first_passage(rates.apply(switch()), [1, 0], "B").mean == np.inf

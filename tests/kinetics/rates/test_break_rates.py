@@ -7,8 +7,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from rates_files import LINE, SHAPES, rates_file
 
+from kinetics import Model
 from kinetics.assembly import RuleBook, derive
-from kinetics.formats import NetworkModel, read, write
+from kinetics.formats import read, write
 from kinetics.network import Network, Tank
 from kinetics.networkfree import grow
 from kinetics.predicting.ranking import rank
@@ -61,7 +62,7 @@ def test_class_rates_are_saved_with_their_break_model(model, tmp_path):
 def test_books_are_ranked_under_any_break_model(model):
     made = rank([LINE.book], ClassRates.of_rates(LINE, rates_file(model)), 8, 100.0, runs=100, draws=2)
     (book,) = made.books
-    assert 0 < book.figure("yield").value < 1
+    assert 0 < book.answer("yield").value < 1
     assert len(book.drawn) == 2
 
 
@@ -75,7 +76,7 @@ def test_growth_without_a_network_takes_models_that_weight_partners_by_size():
 @pytest.mark.parametrize("suffix", [".net", ".xml"])
 def test_expanded_networks_go_through_files(model, suffix, tmp_path):
     network = rates_file(model).apply(LINE.network, Tank((3, 3, 3)))
-    write(NetworkModel(network, network.state([30, 5, 3, 1]), {}), tmp_path / f"line4{suffix}")
+    write(Model(network, network.state([30, 5, 3, 1]), {}), tmp_path / f"line4{suffix}")
     again = read(tmp_path / f"line4{suffix}").network
     assert again.species == network.species
     assert_array_equal(again.stoichiometry, network.stoichiometry)

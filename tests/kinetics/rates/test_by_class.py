@@ -10,7 +10,7 @@ from scipy.stats import gamma
 
 from kinetics.assembly import Derivation, RateClass, RuleBook, derive
 from kinetics.rates import ChannelRate, ClassRates, Convention, Rates
-from kinetics.rates.by_class import ClassRate, general_entries, measured_class, over_classes
+from kinetics.rates.class_entries import ClassRate, general_entries, measured_class, over_classes
 
 LINE, T5 = derive(RuleBook.load("line4")), derive(RuleBook.load("t5"))
 FILE = """

@@ -257,11 +257,11 @@ def test_histograms_take_bounded_memory():
         ({"initial": [1, 0]}, "state has shape"),
         ({"seed": -1}, "seed = -1"),
         ({"first_run": -1}, "first_run = -1"),
-        ({"network": bare_line()}, "no rate constants"),
+        ({"model": bare_line()}, "no rate constants"),
     ],
 )
 def test_bad_questions(change, message):
-    good = {"network": line(), "method": Direct(), "initial": START, "times": TIMES, "runs": 10}
+    good = {"model": line(), "method": Direct(), "initial": START, "times": TIMES, "runs": 10}
     with pytest.raises(ValueError, match=message):
         simulate_statistics(**(good | change))
 

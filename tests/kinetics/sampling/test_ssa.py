@@ -32,10 +32,10 @@ def test_yule_process_is_negative_binomial():
 
 def test_runs_are_independent():
     net = network(("X",), {"decay": ((1,), (0,))}, [1.0])
-    waits = np.array([sample_path(net, [1], 100.0, seed=6, run=run).times[0] for run in range(4000)])
+    waits = np.array([sample_path(net, [1], 100.0, seed=6, run=run).times[0] for run in range(1500)])
     assert_follows_cdf(waits, expon().cdf)
     assert abs(np.corrcoef(waits[1:], waits[:-1])[0, 1]) < 4.9 / np.sqrt(len(waits))  # 1e-6, both sides
-    other = np.array([sample_path(net, [1], 100.0, seed=7, run=run).times[0] for run in range(4000)])
+    other = np.array([sample_path(net, [1], 100.0, seed=7, run=run).times[0] for run in range(1500)])
     assert abs(np.corrcoef(waits, other)[0, 1]) < 4.9 / np.sqrt(len(waits))
 
 

@@ -293,6 +293,9 @@ MUTANTS = [
 ]
 
 
+SLOW = ("a bin too low", "a pick from bins of before", "a biased redraw", "no rejection")  # seconds each
+
+
 def all_laws(module, changes):
     """The joint law of a small system, the law of a decay, and that of a copy passed on, under a mutant."""
     assert_joint_law(MIXED, [14, 0, 1], 1.0, mutant_states(MIXED, module, changes, [14, 0, 1], 1.0, 1200))
@@ -302,7 +305,11 @@ def all_laws(module, changes):
 
 
 @pytest.mark.parametrize(
-    ("module", "changes"), [pytest.param(m, c, id=f"{m.__name__[17:]}: {name}") for m, name, *c in MUTANTS]
+    ("module", "changes"),
+    [
+        pytest.param(m, c, id=f"{m.__name__[17:]}: {name}", marks=[pytest.mark.validate] * (name in SLOW))
+        for m, name, *c in MUTANTS
+    ],
 )
 def test_mutants_are_caught(module, changes):
     with pytest.raises(AssertionError, match=r"chi-square|the laws differ|below 0"):

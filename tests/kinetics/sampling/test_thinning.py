@@ -83,7 +83,13 @@ STATIC = [
 ]
 
 
-@pytest.mark.parametrize(("reactions", "rates", "initial"), [c[1:] for c in STATIC], ids=[c[0] for c in STATIC])
+SLOW = ("Hill", "repression", "steps")
+
+
+@pytest.mark.parametrize(
+    ("reactions", "rates", "initial"),
+    [pytest.param(*c[1:], id=c[0], marks=[pytest.mark.validate] * (c[0] in SLOW)) for c in STATIC],
+)
 def test_laws_without_time_follow_the_master_equation(reactions, rates, initial):
     net = Network.from_reactions(reactions, rates)
     assert verify(net, General(), initial, [0.4, 2.5], runs=5000, seed=44).passed

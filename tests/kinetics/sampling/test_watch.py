@@ -85,7 +85,7 @@ def test_a_wait_that_does_not_move_the_clock_is_an_event(method):
     assert (np.diff(path.times) == 0).sum() > 500
 
 
-@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("threads", [pytest.param(1, marks=pytest.mark.validate), 2])
 @named
 def test_ctrl_c_is_heard_within_a_run(method, threads, monkeypatch):
     """A run that would never end, without any forecast of that: it comes back at all, and all threads with it."""

@@ -56,6 +56,7 @@ def test_a_file_gives_what_the_command_line_leaves_open(run):
         ("runs = 30", "runs = [1, 2]", "runs = [1, 2] in [predict]; expected one number or text"),
         ("runs = 30", "runs = true", "runs = True in [predict]; expected one number or text"),
         ("times = [10, 20]", "times = true", "times = True in [predict]; expected one value or a list"),
+        ("rules.check", "trust.accuracy.wrong", "[trust.accuracy.wrong] is no table of a command; expected one of"),
         ("json = true", "json = 1", "json = 1 in [check]; expected true or false"),
         ("runs = 30", "source = 'line4'", "source in [predict] is no option of predict"),
     ],

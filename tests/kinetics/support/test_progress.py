@@ -214,6 +214,14 @@ def births(tmp_path):
     return path
 
 
+@pytest.fixture
+def pairs(tmp_path):
+    """5,151 states."""
+    path = tmp_path / "pairs.rxn"
+    path.write_text("A <-> B, 1.3, 1\nB <-> C, 1, 0.7\nA = 100\n")
+    return path
+
+
 UNIFORM = ("--join", "1e-5")
 
 
@@ -225,19 +233,27 @@ UNIFORM = ("--join", "1e-5")
         ("rules", "grow", "line4", "--cubes", 10**8, *UNIFORM),
         ("rules", "grow", "line4", "--cubes", 4, *UNIFORM, "--runs", 10**9),
         ("rules", "rank", "line4", "--join", 1, "--break", 1, "--runs", 10**8, "--max-states", 0),
-        ("verify", "line4", "--rates", "table3", "--cubes", 4, "--times", 1, "--runs", 10**12, "--no-power"),
+        ("trust", "verify", "line4", "--rates", "table3", "--cubes", 4, "--times", 1, "--runs", 10**12, "--no-power"),
         ("scan", "births", "--over", "A=0,1", "--ask", "E[A] @ 10", "--max-states", 0, "--runs", 10**13),
+        ("ask", "pairs", "E[C] @ 10", "--budget", 1e-4),
+        ("passage", "pairs", "--species", "C", "--copies", 50, "--budget", 1e-4),
     ],
     ids=lambda command: " ".join(map(str, command[:2])),
 )
-def test_work_without_a_natural_end_is_refused_with_its_forecast(command, births, tmp_path, monkeypatch):
+def test_work_without_a_natural_end_is_refused_with_its_forecast(command, births, pairs, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = run(*(births if word == "births" else word for word in command), code=2)
+    done = run(*({"births": births, "pairs": pairs}.get(word, word) for word in command), code=2)
     assert done.stdout == ""
     if "fsp" not in command:  # which forecasts as it goes
-        assert done.stderr.startswith(("Error: forecast: about", "Warning"))
+        assert "Error: forecast: about" in done.stderr
         assert "of CPU time" in done.stderr
-        assert "beyond the budget of 120 min; ask for less, or allow more by --budget MINUTES" in done.stderr
+        minutes = f"{command[-1] if '--budget' in command else 120:g}"
+        assert f"beyond the budget of {minutes} min; ask for less, or allow more by --budget MINUTES" in done.stderr
+
+
+def test_the_limit_of_a_method_is_named_as_the_command_names_it(pairs):
+    done = run("predict", pairs, "--times", 4e4, "--method", "exact", "--budget", 1e-3, code=2)
+    assert "--budget 0.001 (minutes); raise it" in done.stderr
 
 
 def test_a_budget_is_what_is_allowed(births):
@@ -273,12 +289,26 @@ def stages(monkeypatch):
             "answering P=? [ F<=1 quadmer",
         ),
         (
-            ("verify", "line4", "--rates", "table3", "--cubes", 4, "--times", 1, "--runs", 100, "--method", "ssa"),
+            (
+                "trust",
+                "verify",
+                "line4",
+                "--rates",
+                "table3",
+                "--cubes",
+                4,
+                "--times",
+                1,
+                "--runs",
+                100,
+                "--method",
+                "ssa",
+            ),
             "mistake",
         ),
         (("rules", "rank", "line4", "--join", 1e-3, "--cubes", 4), "line4, 1 of 1"),
         (("rules", "grow", "line4", "--cubes", 40, "--join", 1e-3), "19 of 20 runs"),
-        (("hardcases", "--only", "nowhere"), "of 1 cases done"),
+        (("trust", "hardcases", "--only", "nowhere"), "of 1 cases done"),
     ],
     ids=lambda given: " ".join(map(str, given[:2])) if isinstance(given, tuple) else "",
 )

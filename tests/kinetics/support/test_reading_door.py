@@ -6,10 +6,10 @@ import threading
 from pathlib import Path
 
 import pytest
+from calibration.watched.tables import read_table
 from numpy.testing import assert_array_equal
 
 from calibration.pipeline.plan import StudyPlan
-from calibration.watched.tables import read_table
 from kinetics.assembly import RuleBook
 from kinetics.assembly.compiler import Target
 from kinetics.formats import read
@@ -77,9 +77,9 @@ def test_a_byte_order_mark_of_a_toml_file_is_skipped(kind, tmp_path):
 
 
 def test_a_byte_order_mark_of_options_tables_and_certificates_is_skipped(tmp_path, wellmixed_here):
-    (tmp_path / "o.toml").write_text(f"{MARK}[derive]\njson = true\n", encoding="utf-8")
+    (tmp_path / "o.toml").write_text(f"{MARK}[rules.derive]\njson = true\n", encoding="utf-8")
     (tmp_path / "m.rxn").write_text("A -> B, 1", encoding="utf-8")
-    done = wellmixed_here("--config", str(tmp_path / "o.toml"), "derive", str(tmp_path / "m.rxn"), cwd=tmp_path)
+    done = wellmixed_here("--config", str(tmp_path / "o.toml"), "rules", "derive", "m.rxn", cwd=tmp_path)
     assert json.loads(done.out)["species"] == ["A", "B"]
     (tmp_path / "t.csv").write_text(f"{MARK}run,time\n1,2\n", encoding="utf-8")
     assert list(read_table(tmp_path / "t.csv").columns) == ["run", "time"]

@@ -227,7 +227,7 @@ def test_points_that_nearly_meet_share_a_label_and_others_do_not(small):
 def test_command(tmp_path, monkeypatch):
     # At 20 ms a call, a run seems to cost 1/8 ms: 20 times 1000 runs fit into 20 s, 20 times 10,000 do not.
     monkeypatch.setattr(diagram, "measure", partial(measure, clock=ticking(0.02)))
-    options = ["accuracy", "kinetics", "line4", "--rates", "table3", "--cubes", "8", "--duration", "20"]
+    options = ["trust", "accuracy", "kinetics", "line4", "--rates", "table3", "--cubes", "8", "--duration", "20"]
     options += ["--budget", "0.33", "--csv", str(tmp_path / "a.csv"), "--plot", str(tmp_path / "a.svg"), "--json"]
     result = CliRunner().invoke(main, options)
     assert result.exit_code == 0, result.output
@@ -251,7 +251,7 @@ def test_command(tmp_path, monkeypatch):
     ],
 )
 def test_bad_input(arguments, message):
-    result = CliRunner().invoke(main, ["accuracy", "kinetics", "line4", *arguments])
+    result = CliRunner().invoke(main, ["trust", "accuracy", "kinetics", "line4", *arguments])
     assert result.exit_code == 2
     assert message in result.output
 

@@ -211,7 +211,7 @@ def rare_among_many(n=2**16):
     rates = np.tile([1.0 / n - rare, rare], n)
     made = SparseTable.of_entries((2 * n, 1), 2 * np.arange(n) + 1, np.zeros(n, dtype=int), np.ones(n, dtype=int))
     none = SparseTable.of_entries((2 * n, 1), *np.zeros((3, 0), dtype=int))
-    return Network.from_sparse(("X",), [f"r{i}" for i in range(2 * n)], none, made, np.ones(2 * n), rates)
+    return Network(("X",), [f"r{i}" for i in range(2 * n)], none, made, np.ones(2 * n), rates)
 
 
 @dataclass(frozen=True)

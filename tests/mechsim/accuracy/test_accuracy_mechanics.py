@@ -74,9 +74,7 @@ def test_plan_turns_one_knob_at_a_time(line4):
     for setting in planned.numerical:
         other = setting.scene.as_dict()
         changed = {key for key in own if own[key] != other[key]}
-        if "explicit" in setting.curve:
-            assert [e["effect"] for e in other["effects"]].count("explicit-drag") == 1
-        elif "sub-cycles" in setting.curve:
+        if "sub-cycles" in setting.curve:
             assert changed <= {"numerics", "effects"}
             assert setting.scene.changed("drag", sub_cycles=1).effects == line4.effects
             assert setting.scene.effect("drag").sub_cycles > 1
@@ -98,8 +96,7 @@ def test_effects_that_are_absent_have_no_knobs(scene_of):
     field = {"effect": "random-field", "sigma": 4.0, "correlation_length": 0.3, "correlation_time": 0.0105}
     curves = {s.curve for s in plan(scene_of(field, "drag")).model}
     assert curves == {"random-field correlation length", "random-field correlation time", "drag points"}
-    curves = {s.curve for s in plan(scene_of({"effect": "explicit-drag"})).numerical}
-    assert curves == {"step", "step, drag", "solver iterations"}
+    assert {s.curve for s in plan(scene_of("walls")).numerical} == {"step", "solver iterations"}
 
 
 def test_sub_cycles_of_the_scene_itself_are_where_the_curves_start(scene_of):
@@ -108,7 +105,7 @@ def test_sub_cycles_of_the_scene_itself_are_where_the_curves_start(scene_of):
     labels = [s.label for s in planned.numerical if s.curve == "drag sub-cycles"]
     assert labels == ["1"]
     assert planned.reference.scene.effect("drag").sub_cycles == 2
-    assert not planned.refused  # explicit drag has no such setting
+    assert not planned.refused
     assert "step, 4 drag sub-cycles" not in {s.curve for s in plan(own.changed("drag", sub_cycles=4)).numerical}
 
 
@@ -285,9 +282,9 @@ def test_what_is_given_up_is_named_and_the_rest_compared(tmp_path, scene_of, mon
 
 
 def test_stopped_settings_are_crosses_at_their_cost(measured):
-    """A guard of its own limit stops the coarse explicit runs; the others go on."""
+    """A setting that the guard stopped is shown at its cost; the others go on."""
     found, _, _ = measured
-    point = next(p for p in found.numerical if "explicit" in p.setting.curve)
+    point = next(p for p in found.numerical if "sub-cycles" in p.setting.curve)
     stopped = diagram.SettingResult(point.setting, 1, 0.123, {}, "stopped: spin")
     changed = diagram.Accuracy(
         found.scene, found.cubes, found.seed, found.runs, found.duration, found.plan, found.reference,
@@ -348,7 +345,7 @@ def test_command(scene_file, tmp_path):
     arguments = ["--cubes", "2", "--duration", "0.2", "--rounds", "1", "--runs-folder", str(tmp_path / "runs")]
     out = [str(tmp_path / "a.csv"), str(tmp_path / "a.svg")]
     done = CliRunner().invoke(
-        main, ["accuracy", "mechanics", scene_file, *arguments, "--json", "--csv", out[0], "--plot", out[1]]
+        main, ["trust", "accuracy", "mechanics", scene_file, *arguments, "--json", "--csv", out[0], "--plot", out[1]]
     )
     assert done.exit_code == 0, done.output
     told = json.loads(done.stdout)

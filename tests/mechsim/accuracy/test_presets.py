@@ -68,13 +68,12 @@ def test_a_stopped_step_is_no_preset(measured, line4):
 
 
 def test_sub_cycles_are_chosen_where_they_are_worth_it(measured, line4, tmp_path):
-    """And no other knob is: fewer solver iterations, or explicit drag, are not what a tolerance is bought with."""
+    """And no other knob is: fewer solver iterations are not what a tolerance is bought with."""
     bad = (0.2, 0.2)
     others = {
         ("drag sub-cycles", "2"): (0.04, 0.0, 0.0),
         ("step, 4 drag sub-cycles", "0.0105"): (0.03, 0.05, 0.05),
         ("solver iterations", "1"): (0.01, 0.0, 0.0),
-        ("step, explicit-drag", "0.0105"): (0.01, 0.0, 0.0),
     }
     presets = choose(measured(bad, bad, (0.0, 0.0), others=others))
     presets.write(tmp_path / "mine.toml")
@@ -204,7 +203,7 @@ def test_a_scene_that_was_never_measured(tmp_path):
     done = CliRunner().invoke(main, given)
     assert done.exit_code == 2
     assert "preset 'draft' was never measured for scene line4 as it is" in done.output
-    assert "wellmixed accuracy mechanics" in done.output
+    assert "wellmixed trust accuracy mechanics" in done.output
 
 
 def test_bonds_may_be_left_out(line4):

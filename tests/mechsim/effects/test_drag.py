@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from mechsim.effects.base import Stopped
 from mechsim.effects.drag import drag_points
 from mechsim.runs.record import RunSpec
 from mechsim.world.bodies import matrix_of
@@ -212,78 +211,3 @@ def test_redrawing_at_every_step_has_no_limit(make_world, line4):
 def test_sub_cycles_are_a_whole_number(line4, sub_cycles):
     with pytest.raises(ValueError, match="sub_cycles"):
         line4.changed("drag", sub_cycles=sub_cycles)
-
-
-EXPLICIT = {"effect": "explicit-drag"}
-
-
-def test_explicit_drag_is_euler_and_agrees_with_the_implicit_step_in_the_limit(make_world, scene_of):
-    errors = []
-    for step in (0.004, 0.002):
-        world = make_world({"monomer": 1}, scene_of(EXPLICIT, step=step))
-        world.bodies.velocity[0] = direction = np.array([1.2, -1.6, 0.0])
-        speed = 2.0
-        for _ in range(round(0.2 / step)):
-            world.step()
-            speed -= step * 1.05 / 0.15 * speed**2
-        np.testing.assert_allclose(world.bodies.velocity[0], speed * direction / 2, atol=1e-12)
-        errors.append(abs(speed - 2 / (1 + 1.05 * 2 / 0.15 * 0.2)))
-    assert errors[1] == pytest.approx(errors[0] / 2, rel=0.05)  # first order
-
-
-def test_explicit_and_implicit_drag_push_alike_in_a_short_step(make_world, scene_of):
-    """Force and torque of both, on turned bodies of every size, to first order in the step."""
-    differences = []
-    for step in (1e-5, 1e-6):
-        changes = []
-        for effect in ("drag", EXPLICIT):
-            world = make_world(MIXED, scene_of(effect, step=step))
-            b = world.bodies
-            rng = np.random.default_rng(1)
-            world.fluid[:] = 4 * rng.standard_normal(world.fluid.shape)
-            b.velocity[:], b.spin[:] = rng.standard_normal((2, b.n_cubes, 3))
-            before = b.velocity.copy(), b.spin.copy()
-            (hook,) = world.before.values()
-            hook()
-            changes.append(np.hstack([b.velocity - before[0], b.spin - before[1]])[b.live] / step)
-        differences.append(np.abs(changes[0] - changes[1]).max() / np.abs(changes[0]).max())
-    assert differences[0] < 1e-2
-    assert differences[1] == pytest.approx(differences[0] / 10, rel=0.05)
-
-
-def test_explicit_drag_refuses_where_its_bound_is_broken(make_world, scene_of):
-    held = {"effect": "agitation", "sigma": 4.0, "hold": 1 / 60}
-    scene_of(held, EXPLICIT, step=1 / 120)
-    with pytest.raises(ValueError, match=r"0.993 times the relaxation time.*choose numerics.step = 0.0151"):
-        scene_of(held, EXPLICIT, step=1 / 60)
-    with pytest.raises(ValueError, match="explicit-drag is unstable"):
-        scene_of(held, EXPLICIT, step=1 / 120, edge=0.05)
-    with pytest.raises(ValueError, match="explicit-drag is unstable"):
-        scene_of(held, EXPLICIT | {"points": "sub-faces"}, step=1 / 120)
-    with pytest.raises(ValueError, match="'explicit-drag' and 'drag' contradict each other: both are the drag"):
-        scene_of(held, EXPLICIT, "drag", step=1 / 120)
-    world = make_world({"monomer": 1}, scene_of(EXPLICIT, step=1 / 120))  # at rest: only the run can tell
-    world.bodies.velocity[0] = [0, 0, 17.0]
-    with pytest.raises(Stopped, match=r"explicit drag is unstable: .* of body 0 \(cube 0\)"):
-        world.step()
-
-
-def test_explicit_drag_in_a_steady_flow_is_guarded_in_the_run(make_world, scene_of):
-    """Its scene is not refused: a slow current carries the cube along, a fast one ends the run."""
-    for speed in (1.0, 17.0):
-        current = {"effect": "current", "velocity": [0.0, 0.0, speed]}
-        world = make_world({"monomer": 1}, scene_of(current, EXPLICIT, step=1 / 120))
-        if speed == 1.0:
-            world.step()
-            continue
-        with pytest.raises(Stopped, match=r"explicit drag is unstable: .* of body 0 \(cube 0\)"):
-            world.step()
-
-
-def test_explicit_drag_makes_cubes_faster(make_world, scene_of):
-    """Why it is kept only to compare with: +11 % at a quarter of the relaxation time (measured before)."""
-    speeds = []
-    for effect in ("drag", EXPLICIT):
-        held = {"effect": "agitation", "sigma": 4.0, "hold": 0.0042}
-        speeds.append(mean_speed(make_world({"monomer": 60}, scene_of(held, effect, step=0.0042)), 6.0))
-    assert 1.06 < speeds[1] / speeds[0] < 1.16

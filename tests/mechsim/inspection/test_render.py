@@ -147,7 +147,9 @@ def test_a_damaged_file_is_named_and_left_alone(stored, tmp_path):
 
 def test_strip(stored, tmp_path):
     out = tmp_path / "strip.png"
-    done = CliRunner().invoke(main, ["render", str(stored), "--out", str(out), "--frames", "3", "--faces", "--json"])
+    done = CliRunner().invoke(
+        main, ["runs", "render", str(stored), "--out", str(out), "--frames", "3", "--faces", "--json"]
+    )
     assert done.exit_code == 0, done.output
     from matplotlib.image import imread
 
@@ -158,7 +160,7 @@ def test_gif_shows_all_frames_on_white(stored, tmp_path):
     from PIL import Image
 
     out = tmp_path / "film.gif"
-    done = CliRunner().invoke(main, ["render", str(stored), "--out", str(out), "--fps", "10", "--quiet"])
+    done = CliRunner().invoke(main, ["runs", "render", str(stored), "--out", str(out), "--fps", "10", "--quiet"])
     assert done.exit_code == 0, done.output
     with Image.open(out) as film:
         assert (film.n_frames, film.size, film.info["duration"]) == (7, (640, 640), 100)
@@ -176,7 +178,7 @@ def test_mp4_shows_all_frames(poses, tmp_path):
 def test_page_needs_nothing_else(stored, tmp_path):
     pytest.importorskip("plotly")
     out = tmp_path / "view.html"
-    done = CliRunner().invoke(main, ["render", str(stored), "--out", str(out), "--frames", "2"])
+    done = CliRunner().invoke(main, ["runs", "render", str(stored), "--out", str(out), "--frames", "2"])
     assert done.exit_code == 0, done.output
     page = out.read_text(encoding="utf-8")
     assert not re.search(r"<(script|link)[^>]*(src|href)=", page)
@@ -212,7 +214,7 @@ def test_a_missing_library_is_named(stored, tmp_path, monkeypatch, kind, package
     monkeypatch.delitem(sys.modules, "plotly.graph_objects", raising=False)
     monkeypatch.setitem(sys.modules, package, None)
     out = tmp_path / f"x.{kind}"
-    done = CliRunner().invoke(main, ["render", str(stored), "--out", str(out)])
+    done = CliRunner().invoke(main, ["runs", "render", str(stored), "--out", str(out)])
     assert done.exit_code == 2
     assert "pip install '" in done.output
     assert not out.exists()
@@ -227,7 +229,7 @@ def test_a_missing_library_is_named(stored, tmp_path, monkeypatch, kind, package
     ],
 )
 def test_bad_requests(stored, arguments, message):
-    done = CliRunner().invoke(main, ["render", str(stored), *arguments])
+    done = CliRunner().invoke(main, ["runs", "render", str(stored), *arguments])
     assert done.exit_code == 2
     assert message in done.output
 
@@ -236,6 +238,6 @@ def test_a_run_without_poses_cannot_be_shown(record, tmp_path):
     spec = replace(record.spec, poses=None)
     arrays = {name: record.arrays[name] for name in ("initial", "times", "channels")}
     path = RunStore(tmp_path).write(RunRecord(spec, record.outcome, arrays, record.facts))
-    done = CliRunner().invoke(main, ["render", str(path), "--out", str(tmp_path / "x.png")])
+    done = CliRunner().invoke(main, ["runs", "render", str(path), "--out", str(tmp_path / "x.png")])
     assert done.exit_code == 2
     assert "simulate --poses" in done.output

@@ -35,7 +35,7 @@ def test_a_trial_is_no_run_to_replay_or_show(stored, tmp_path):
     _, _, path = stored
     with pytest.raises(ValueError, match="is a trial of the accuracy of mechanics, not a run"):
         replay(path)
-    done = CliRunner().invoke(main, ["export", str(path.parent), "--out", str(tmp_path / "tables")])
+    done = CliRunner().invoke(main, ["runs", "export", str(path.parent), "--out", str(tmp_path / "tables")])
     assert done.exit_code == 0, done.output
 
 

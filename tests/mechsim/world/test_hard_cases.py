@@ -3,8 +3,8 @@
 What is tested where it belongs is not repeated here:
 - contacts, mass ratios, bonds that meet, what is not a number: test_hard_contacts
 - without drag and contact nothing is lost, impulses account for every change of velocity: test_engine
-- undeclared damping, margins, friction are an error: test_bill
-- explicit drag refuses where its bound is broken: test_drag; a step above an agitation's bound: test_agitation
+- undeclared damping, margins, friction are an error: test_cost_profile
+- a step above an agitation's bound: test_agitation
 - the densest tanks of the paper are filled without overlap: test_placement
 """
 

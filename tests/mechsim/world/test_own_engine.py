@@ -8,9 +8,9 @@ import pytest
 from handling import collide, energy, put, run
 
 from mechsim.kernels.contact import cubes_overlap
-from mechsim.kernels.impulses import exchange
+from mechsim.kernels.contact_solver import solve_contacts
 from mechsim.kernels.motion import coast
-from mechsim.kernels.touching import find_contacts, place_boxes
+from mechsim.kernels.narrow_phase import find_contacts, place_boxes
 from mechsim.world.bodies import matrix_of, quaternion_of
 
 MIXED = {"monomer": 8, "dimer": 4, "trimer": 2, "quadmer": 2}
@@ -218,7 +218,7 @@ def crowd(n=12):
 def exchanged(pairs, contact, position, orientation, velocity, spin, mass, inertia):
     """Velocities, spins and impulses at the contacts."""
     n, velocity, spin, impulse = len(pairs), velocity.copy(), spin.copy(), np.zeros((len(pairs), 3))
-    exchange(
+    solve_contacts(
         n, np.column_stack([pairs, pairs]), contact, position, orientation, velocity, spin, mass, inertia, 0.3, 0.4,
         0.2, 0.08, 1e-5, 0.01, 50, np.full(4, -1), np.zeros((4, 5, 3)), np.zeros((n, 3, 17)), impulse,
     )  # fmt: skip

@@ -219,7 +219,7 @@ def test_time_that_ends_while_a_remedy_is_sought_leaves_the_reason(monkeypatch):
     with pytest.raises(InfeasibleError, match="are enough: a book of 2 letters does it"):
         compile_book(asked, time_limit=1e9, clock=looks)
     ends = set()
-    for limit in range(1, int(looks.now), max(1, int(looks.now) // 50)):
+    for limit in range(1, int(looks.now), max(1, int(looks.now) // 15)):
         with pytest.raises((InfeasibleError, UndecidedError)) as caught:
             compile_book(asked, time_limit=limit, clock=Clock())
         ends.add(type(caught.value))

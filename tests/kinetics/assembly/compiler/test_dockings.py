@@ -55,7 +55,7 @@ def views(docking):
     )
 
 
-@pytest.mark.parametrize("name", ["l3", "corner"])
+@pytest.mark.parametrize("name", ["l3", pytest.param("corner", marks=pytest.mark.validate)])
 def test_all_meetings_are_there_once_whatever_cubes_sense(name):
     for faces in ("two", "six"):
         dockings = Dockings(Target.load(name), faces)

@@ -122,10 +122,10 @@ def test_a_large_network_is_lumped_by_size_and_says_so():
     groups, reactions = grouped(derivation.structures, channels(derivation), lump=True)
     assert [group.n_species for group in groups] == [1, 2, 3, 2, 1]
     assert sum(n for r in reactions for n in r.ways.values()) == len(derivation.events)
-    texts = [words.text for words in derivation.drawing(most_species=8).words]
+    texts = [words.text for words in derivation.drawing(max_species=8).words]
     assert "9 species and 25 channels, lumped by size into 5; of each size one species is shown" in texts
     assert "3 species" in texts
-    assert derivation.drawing(most_reactions=10).words != derivation.drawing().words
+    assert derivation.drawing(max_reactions=10).words != derivation.drawing().words
 
 
 def test_rows_that_are_too_wide_go_on_below():
@@ -230,7 +230,7 @@ def test_wrong_input(tmp_path):
     assert refused.exit_code == 2
     assert "must end in .png, .pdf, .svg" in refused.stderr
     with pytest.raises(ValueError, match="both must be at least 1"):
-        derive(LINE4).drawing(most_species=0)
+        derive(LINE4).drawing(max_species=0)
 
 
 def test_results_plot_themselves_onto_given_axes():

@@ -26,7 +26,7 @@ def counted(monkeypatch):
     """Steps forwards and backwards; eliminations and substitutions."""
     found = {}
     for module, name, amount in (
-        (markov, "retreat", lambda *arguments: arguments[-1].size),
+        (twins, "retreat", lambda *arguments: arguments[-1].size),
         (markov, "powers", lambda *arguments: len(arguments[-1]) - 1),
         (markov, "steps_back", lambda begins, ends, shares, stays, vectors, *rest: len(vectors)),
         (twins, "reduce", lambda *arguments: 1),

@@ -32,11 +32,11 @@ def test_erlang():
     for order in (1, 2, 3, 6):
         found = asked.passage_moment(last, order)
         assert found.answer.value == pytest.approx(gamma(n + order) / gamma(n) / k**order, rel=1e-12)
-        low, high = found.elasticity_limits
+        low, high = found.elasticity_bounds
         assert low[0] <= -order <= high[0]
         assert high[0] - low[0] < 1e-10
     for found in (asked.passage_sd(last), *(asked.passage_quantile(last, q) for q in Q)):
-        low, high = found.elasticity_limits
+        low, high = found.elasticity_bounds
         assert found.is_bound
         assert low[0] <= -1.0 <= high[0]
         assert high[0] - low[0] < 1e-6

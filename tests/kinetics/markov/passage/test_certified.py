@@ -118,7 +118,7 @@ def test_a_long_walk():
     assert abs(passage.mean / time - 1) < 1e-14
     assert passage.error < 1e-9
     # the chance of the last place before the first
-    middle = Chain(chain.generator, n // 2)
+    middle = Chain(chain.transitions, n // 2)
     split = middle.committor({"low": np.arange(n) == 0, "high": np.arange(n) == n - 1})
 
     def climbed(ratios):

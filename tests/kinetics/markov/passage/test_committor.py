@@ -4,8 +4,7 @@ from known_systems import assert_follows_cdf, assert_follows_table, line, networ
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
-from kinetics import Chain, first_passage
-from kinetics.markov.passage import committor
+from kinetics import Chain, committor, first_passage
 
 
 def at_least(index, copies):

@@ -144,7 +144,7 @@ def test_against_sampling():
     law = first_passage(line(), [24, 0, 0, 0], "quadmer", copies=2)
     end = float(law.quantile(1 - 1e-7))
     times = np.array(
-        [sample_path(line(), [24, 0, 0, 0], end, seed=1, run=run).first_time("quadmer", 2) for run in range(2000)]
+        [sample_path(line(), [24, 0, 0, 0], end, seed=1, run=run).first_time("quadmer", 2) for run in range(600)]
     )
     assert_follows_cdf(times, law.cdf)
     z = (times.mean() - law.mean) / (law.sd / np.sqrt(times.size))

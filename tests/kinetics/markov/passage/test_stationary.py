@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose
 from scipy.stats import binom
 
 from kinetics import Chain, Transient
-from kinetics.markov.passage import elimination, stationary
+from kinetics.markov import stationary
+from kinetics.markov.passage import elimination
 from kinetics.markov.passage.elimination import Elimination
 
 

@@ -4,7 +4,7 @@ from known_systems import bare_line, line, network, switch
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import binom
 
-from kinetics.markov.passage import stationary
+from kinetics.markov import stationary
 from kinetics.markov.transient import reachable, solve
 from kinetics.network import Network
 

@@ -80,7 +80,7 @@ def test_long_and_large():
 
 
 def test_what_takes_too_long_is_refused_before_it_starts():
-    message = r"351 states would take 2\.\d+e\+03 steps until 1, up to 0\.00\d+ s; max_seconds = 0.001 .*; raise it"
+    message = r"351 states would take 2\.\d+e\+03 steps until 1, up to 0\.00\d+ s; max_seconds = 0.001; raise it"
     with pytest.raises(ValueError, match=message):
         Transient(max_seconds=1e-3).solve(switch(6.0, 1.0), [350, 0], [1.0])
     with pytest.raises(ValueError, match="max_seconds = nan"):

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from kinetics import Network, Rates, ScannedModel, scan
+from kinetics import Network, Rates, scan
 from kinetics.assembly import RuleBook, derive
-from kinetics.formats import NetworkModel
+from kinetics.formats import read
 from kinetics.predicting.scanning import answering
+from kinetics.support.answer import CONFIDENCE
 
 DECAY = "decay: A -> 0, k\nA = 10"
 BINDING = "time unit: s\nA + B <-> AB, k, 0.1\nA = 12\nB = 8\nobservable: bound = 2 * AB"
@@ -37,12 +38,12 @@ def test_decay_is_binomial_at_every_point():
     alive = np.exp(-2.0 * rates)[:, None]
     np.testing.assert_allclose(found.numbers("value")[..., 0], alive * copies, rtol=1e-12)
     np.testing.assert_allclose(found.numbers("value")[..., 1], (1 - alive) ** copies, rtol=1e-10)
-    assert (found.words("answered") == "proven").all()
+    assert (found.words("kind") == "proven").all()
     for q, truth in enumerate((alive * copies, (1 - alive) ** copies)):
         low, high = found.numbers("low")[..., q], found.numbers("high")[..., q]
         assert ((low <= truth * (1 + 1e-14)) & (truth * (1 - 1e-14) <= high)).all()
         assert (high - low < 1e-9 * truth).all()
-    assert found.numbers("states")[..., 0].tolist() == [[4, 11]] * 3
+    assert found.words("why")[..., 0].tolist() == [["4 states", "11 states"]] * 3
 
 
 def test_names_are_parameters_species_channels_and_cubes():
@@ -75,8 +76,8 @@ def coverage(sampled, exact):
 def test_samples_agree_with_exact_answers_and_another_rate_does_not():
     over = {"k": np.geomspace(3e-3, 3e-2, 8), "A": [8, 12]}
     sampled = scan(binding(), over, QUESTIONS, max_states=0, runs=300, seed=4)
-    assert (sampled.words("answered") == "sampled").all()
-    assert (sampled.numbers("runs") == 300).all()
+    assert (sampled.words("kind") == CONFIDENCE).all()
+    assert all(why.startswith("300 runs") for why in sampled.words("why").ravel())
     exact = scan(binding(), over, QUESTIONS).numbers("value")
     inside, of = coverage(sampled, exact)
     assert of > 80
@@ -88,40 +89,53 @@ def test_samples_agree_with_exact_answers_and_another_rate_does_not():
     assert wrong / of < least  # the control: another rate of breaking is seen
 
 
+def test_labels_of_every_chain_are_asked_alike_both_ways():
+    """A chain of three steps: its end is the one deadlock; at the start only while nothing has happened."""
+    network = Network.from_text("A -> B, k\nB -> C, 1\nC -> C + D, 0\nA = 1", k=1.0)
+    asked = ["P=? [ F<=2 deadlock ]", "P=? [ G<=1 init ]", "P=? [ init U<=1 B = 1 ]"]
+    exact = scan(network, {"k": [1.0, 3.0]}, asked)
+    sampled = scan(network, {"k": [1.0, 3.0]}, asked, max_states=0, runs=2000, seed=2)
+    np.testing.assert_allclose(exact.numbers("value")[:, 1], np.exp([-1.0, -3.0]), rtol=1e-9)
+    assert ((sampled.numbers("value") > 0) & (sampled.numbers("value") < 1)).all()
+    assert abs(sampled.numbers("value") - exact.numbers("value")).max() < 5.3 * 0.5 / np.sqrt(2000)
+    named = Network.from_text("init -> deadlock, k\ninit = 1", k=1.0)  # of species with these names, their counts
+    both = [scan(named, {"k": [1.0]}, "P=? [ F<=1 deadlock >= 1 ]", max_states=n, runs=500) for n in (9, 0)]
+    assert abs(both[0].numbers("value") - both[1].numbers("value")).max() < 5.3 * 0.5 / np.sqrt(500)
+
+
 def test_observables_are_asked_alike_both_ways(tmp_path):
     file = tmp_path / "model.rxn"
     file.write_text(BINDING + "\nk = 1e-2\n", encoding="utf-8")
     questions = ["E[bound] @ 4", 'R{"bound"}=? [ I=4 ]', "E[AB] @ 4"]
-    exact = scan(file, {"k": [1e-2]}, questions).numbers("value").ravel()
+    exact = scan(read(file), {"k": [1e-2]}, questions).numbers("value").ravel()
     assert exact[0] == exact[1] == pytest.approx(2 * exact[2], rel=1e-12)
-    sampled = scan(file, {"k": [1e-2]}, questions, max_states=0, runs=50).numbers("value").ravel()
+    sampled = scan(read(file), {"k": [1e-2]}, questions, max_states=0, runs=50).numbers("value").ravel()
     assert sampled[0] == sampled[1] == 2 * sampled[2]
 
 
 def test_the_limit_of_states_is_the_switch():
     found = scan(binding(), {"B": [3, 8]}, "E[AB] @ 1", max_states=5, runs=20)
-    assert found.words("answered").ravel().tolist() == ["proven", "sampled"]
-    rows = found.rows
-    assert (rows[0]["states"], rows[0]["runs"]) == (4, None)
-    assert (rows[1]["states"], rows[1]["runs"]) == (None, 20)
-    assert np.isnan(rows[0]["standard_error"])
-    assert rows[1]["standard_error"] > 0
+    assert found.words("kind").ravel().tolist() == ["proven", CONFIDENCE]
+    exact, sampled = found.words("why").ravel()
+    assert exact == "4 states"
+    assert sampled.startswith("20 runs, standard error ")
 
 
 def test_a_chain_without_end_has_limits_within_a_part_and_is_sampled_else():
     births = Network.from_text("0 -> X, b\nX -> 0, 1", b=2.0)
     part = scan(births, {"b": [1.0, 2.0]}, "P=? [ F<=1 X >= 3 ]", within=30)
-    assert (part.words("answered") == "proven").all()
+    assert (part.words("kind") == "proven").all()
     sampled = scan(births, {"b": [1.0, 2.0]}, "P=? [ F<=1 X >= 3 ]", max_states=500, runs=400)
-    assert (sampled.words("answered") == "sampled").all()
+    assert (sampled.words("kind") == CONFIDENCE).all()
     assert coverage(sampled, part.numbers("value"))[0] == 2
 
 
 def test_rates_that_depend_on_time_are_sampled():
     found = scan(Network.from_text("A -> 0, k * A * t\nA = 50", k=1.0), {"k": [0.1, 1.0]}, "E[A] @ 2", runs=300)
-    assert (found.words("answered") == "sampled").all()
+    assert (found.words("kind") == CONFIDENCE).all()
     truth = 50 * np.exp(-np.array([0.1, 1.0]) * 2.0)
-    assert (np.abs(found.numbers("value").ravel() - truth) < 5 * found.numbers("standard_error").ravel()).all()
+    errors = [float(why.split()[-1]) for why in found.words("why").ravel()]
+    assert (np.abs(found.numbers("value").ravel() - truth) < 5 * np.array(errors)).all()
 
 
 def test_runs_that_are_all_alike_give_a_mean_no_interval():
@@ -138,7 +152,7 @@ def test_the_same_numbers_in_any_grid_order_and_number_of_workers():
     backwards = scan(
         binding(), {"A": [12, 9], "k": [1e-1, 3e-2, 1e-2]}, QUESTIONS[:3], max_states=0, runs=30, seed=1, workers=2
     )
-    for what in ("value", "low", "high", "standard_error"):
+    for what in ("value", "low", "high"):
         np.testing.assert_array_equal(once.numbers(what), backwards.numbers(what)[::-1, ::-1].swapaxes(0, 1))
     other = scan(binding(), over, QUESTIONS[:3], max_states=0, runs=30, seed=2)
     assert (once.numbers("value") != other.numbers("value")).any()  # the control
@@ -255,7 +269,7 @@ def test_a_law_is_no_rate_constant(law, cure):
 def test_a_question_without_an_answer_at_a_point_says_so_and_the_others_go_on(tmp_path):
     asked = ['R{"time"}=? [ F A = 0 ]', "E[A] @ 0"]
     found = scan(decay(), {"k": [1.0, 0.0, 2.0]}, asked, folder=tmp_path)
-    assert found.words("answered").tolist() == [["proven", "proven"], ["none", "proven"], ["proven", "proven"]]
+    assert found.words("kind").tolist() == [["proven", "proven"], ["none", "proven"], ["proven", "proven"]]
     assert found.unanswered == 1
     assert found.is_complete
     assert np.isnan(found.numbers("value")[1, 0])
@@ -268,7 +282,7 @@ def test_a_question_without_an_answer_at_a_point_says_so_and_the_others_go_on(tm
     found.to_xarray()
     # nothing is sampled for ever, where too many states can be reached
     mixed = scan(decay(), {"A": [3, 30]}, ["P=? [ F A = 0 ]", "E[A] @ 1"], max_states=10, runs=20)
-    assert mixed.words("answered").tolist() == [["proven", "proven"], ["none", "sampled"]]
+    assert mixed.words("kind").tolist() == [["proven", "proven"], ["none", CONFIDENCE]]
     assert "has no end in time" in mixed.rows[2]["why"]
 
 
@@ -277,11 +291,12 @@ def test_rewards_are_the_same_ones_exact_and_sampled(tmp_path):
     file = tmp_path / "model.rxn"
     file.write_text("A -> B, k\nk = 1\nA = 3\nobservable: gain = A - B\nobservable: half = A + 0.5 * B\n", "utf-8")
     asked = ["E[gain] @ 2", 'R{"gain"}=? [ C<=2 ]', 'R{"time"}=? [ C<=2 ]', "E[time] @ 2", "R=? [ I=2 ]", "E[half] @ 2"]
-    exact = scan(file, {"k": [1.0]}, asked)
-    sampled = scan(file, {"k": [1.0]}, asked, max_states=0, runs=200)
+    exact = scan(read(file), {"k": [1.0]}, asked)
+    sampled = scan(read(file), {"k": [1.0]}, asked, max_states=0, runs=200)
     for one, other in zip(exact.rows, sampled.rows, strict=True):
-        assert one["why"] == other["why"]
-    assert [row["answered"] for row in sampled.rows] == ["none"] * 2 + ["sampled"] * 4
+        assert (one["kind"] == "none") == (other["kind"] == "none")
+        assert one["kind"] != "none" or one["why"] == other["why"]
+    assert [row["kind"] for row in sampled.rows] == ["none"] * 2 + [CONFIDENCE] * 4
     assert "expected at least 0: ask for gains and losses as two rewards" in exact.rows[0]["why"]
     assert sampled.numbers("value")[0, 2:4].tolist() == pytest.approx([2.0, 1.0])
     assert exact.numbers("value")[0, 2:4].tolist() == pytest.approx([2.0, 1.0])
@@ -289,13 +304,9 @@ def test_rewards_are_the_same_ones_exact_and_sampled(tmp_path):
 
 
 def test_models_that_are_none():
-    with pytest.raises(TypeError, match="expected a Network, a NetworkModel or a network file"):
-        scan({"A": 1}, {"k": [1]}, "E[A] @ 1")
-    with pytest.raises(ValueError, match="does not exist"):
-        scan("nothing.rxn", {"k": [1]}, "E[A] @ 1")
-    model = NetworkModel(decay(), [10])
-    with pytest.raises(ValueError, match="leave out initial"):
-        scan(ScannedModel(model), {"k": [1]}, "E[A] @ 1", initial={"A": 1})
+    for none in ({"A": 1}, "nothing.rxn"):
+        with pytest.raises(TypeError, match="expected a Network or a Model"):
+            scan(none, {"k": [1]}, "E[A] @ 1")
     twice = Network.from_reactions({"A": ({"A": 1}, {})}, [1.0])
     with pytest.raises(ValueError, match="'A' is a species and a channel"):
         scan(twice, {"A": [1]}, "E[A] @ 1")
@@ -306,7 +317,6 @@ def test_the_tables():
     frame = found.to_dataframe()
     assert list(frame.columns[:6]) == ["k", "A", "question", "value", "low", "high"]
     assert len(frame) == 8
-    assert frame["states"].dtype == "Int64"
     cube = found.to_xarray()
     assert dict(cube.sizes) == {"k": 2, "A": 2, "question": 2}
     row = frame.iloc[5]
@@ -325,3 +335,21 @@ def test_parquet_holds_the_table(tmp_path):
     found = scan(decay(), {"k": [1.0, 2.0]}, "E[A] @ 1")
     assert found.to_parquet(tmp_path / "a.parquet") == tmp_path / "a.parquet"
     pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "a.parquet"), found.to_dataframe())
+
+
+def test_rewards_until_a_condition_and_conditions_of_products_are_sampled():
+    """Beside the exact answers; a condition that never holds has none."""
+    network = Network.from_text("A -> B, k\nk = 1\nA = 3")
+    asked = [
+        'R{"time"}=? [ F A = 0 ]',
+        'R{"A"}=? [ F A = 0 ]',
+        "P=? [ A * B <= 2 U<=1 B >= 2 ]",
+        "P=? [ G<=1 A * B < 2 ]",
+    ]
+    exact = scan(network, {"k": [1.0]}, asked)
+    found = scan(network, {"k": [1.0]}, asked, max_states=0, runs=2000, seed=3)
+    assert found.words("kind").tolist() == [[CONFIDENCE] * 4]
+    value, low, high = (found.numbers(each)[0] for each in ("value", "low", "high"))
+    assert (abs(value - exact.numbers("value")[0]) < 2.5 * (high - low)).all()  # five standard errors
+    never = scan(network, {"k": [1.0]}, 'R{"time"}=? [ F A = 1 & B = 1 ]', max_states=0, runs=2)
+    assert "the mean is infinite" in never.rows[0]["why"]

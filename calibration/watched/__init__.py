@@ -1,1 +1,0 @@
-"""What others watched, in a real tank or another simulator: their tables as jump paths, and the rates these give."""

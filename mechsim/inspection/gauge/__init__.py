@@ -1,1 +1,0 @@
-"""A gauge for rare breaks, from the loads that runs have logged."""

@@ -1,0 +1,1 @@
+"""Tail extrapolation (peaks over threshold) for rare breaks, from the loads that runs have logged."""
