@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from command_line import COMMAND, run_here
+from command_line import COMMAND, run_here, told
 
 from calibration import DIAGNOSTICS
 from mechsim.runs.record import RunSpec
@@ -147,7 +147,7 @@ def test_export(wellmixed, place, simulated):
 
 
 def test_demo(place, demonstrated):
-    assert [said for said in demonstrated.err.splitlines() if not re.match("forecast: |.* so far", said)] == []
+    assert demonstrated.err == ""
     data = demonstrated.json
     assert [row["channel"] for row in data["channels"]] == CHANNELS
     assert [row["label"] for row in data["summary"]] == ["60 cubes", "80 cubes", "120 cubes"]
@@ -361,7 +361,7 @@ def test_ctrl_c_and_sigterm(tmp_path, undisturbed, number):
         out, err = process.communicate()  # returns once the workers are gone too, for they hold the same pipes
     assert process.returncode == 130
     assert out == ""
-    assert err == (
+    assert told(err) == (
         "Interrupted: finished runs are kept in runs, and the same command makes only those that are missing.\n"
     )
     check_that_it_goes_on(tmp_path, undisturbed)

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from command_line import COMMAND, run_here
+from command_line import COMMAND, run_here, told
 
 from kinetics.support.cli.failures import FAULT, INTERRUPTED, MISTAKE, OUTSIDE, judged
 
@@ -284,11 +284,11 @@ main({[*map(str, PREDICT), "--method", "partial"]})
     done = subprocess.run(run, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "quadmer" in done.stdout
-    (line,) = done.stderr.splitlines()
+    (line,) = told(done.stderr).splitlines()
     assert line.startswith("Warning: there is no folder to keep compiled kernels in")
     run[-1] = code.replace("caching._CacheLocator", "ignored = type('Other', (), {}); ignored")  # the control
     done = subprocess.run(run, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, told(done.stderr)) == (0, "")
 
 
 # Another project's package
