@@ -102,7 +102,7 @@ def misspelt(line: str) -> str | None:
         if name in leaves:
             break
     else:
-        return None if {"--help", "--version"} & set(words) else f"no command {words[:2]}"
+        return None if {"--help", "--version"} & set(words) else f"no command {words[:3]}"
     command, context = leaves[name], click.Context(leaves[name], info_name=name)
     try:
         for problem in _problems(command, context, words[n:]):
