@@ -3,7 +3,7 @@
 from collections import Counter
 
 from kinetics.assembly.checking.checker import SLOW, report_of
-from kinetics.assembly.checking.examined import Examined
+from kinetics.assembly.checking.exploration_index import ExplorationIndex
 from kinetics.assembly.deriving.explore import explore
 from tests.helpers.brute_tanks import BruteBook, BruteTank, marked
 from tests.helpers.mutated_books import mutated
@@ -38,17 +38,17 @@ def compared(book, most=2 * MOST_STRUCTURES):
     Each finding's steps are repeated by the brute force, and its end is looked at. A tank of one target's cubes is
     searched for lost cubes (one is marked), larger ones, to two targets' cubes, for starvation and what forms.
     """
-    examined = Examined(explore(book, MOST_CUBES, most))
-    has_waves = bool(book.internal) and examined.found.is_closed and len(examined.found.structures) <= MOST_IN_WAVES
-    report = report_of(examined, slow_waves=has_waves)
+    index = ExplorationIndex(explore(book, MOST_CUBES, most))
+    has_waves = bool(book.internal) and index.found.is_closed and len(index.found.structures) <= MOST_IN_WAVES
+    report = report_of(index, slow_waves=has_waves)
     said = Counter(["books", "correct" if report.is_correct else "faulty"])
     brute, slow = BruteBook(book), BruteBook(book, slow=True)
     for finding in report.findings:
         said[finding.kind] += 1
         _holds(finding, slow if finding.kind.startswith(SLOW) else brute, said)
-    said += _seen(examined, report, brute)
+    said += _seen(index, report, brute)
     if has_waves:
-        said += _seen_in_waves(examined, report, slow)
+        said += _seen_in_waves(index, report, slow)
     return said
 
 
@@ -75,14 +75,14 @@ def _holds(finding, brute, said):
         assert not brute.alone(brute.number(finding.structure)), name
 
 
-def _seen(examined, report, brute):
+def _seen(index, report, brute):
     """What forms, and tanks of free cubes, everything tried."""
-    book, found, said = brute.book, examined.found, Counter()
-    forms = _forms(examined, report, brute)
-    if not found.is_closed or not examined.targets:
+    book, found, said = brute.book, index.found, Counter()
+    forms = _forms(index, report, brute)
+    if not found.is_closed or not index.targets:
         return said
-    said["cubes called lost"], said["cubes not called lost"] = _lost(examined, brute)
-    if report.home.proven == "enough free cubes":
+    said["cubes called lost"], said["cubes not called lost"] = _lost(index, brute)
+    if report.recoverability.proven == "enough free cubes":
         said["finished with enough cubes"] += sum(_is_finished(brute, number) for number in forms)
     starving = [finding for finding in report.findings if finding.kind == "starvation"]
     size = len(book.target)
@@ -93,23 +93,23 @@ def _seen(examined, report, brute):
         said["tanks searched"] += 1
         can_starve, must_starve = tank.starves()
         where = f"{book.name}: a tank of {cubes} starves: {can_starve}, for certain: {must_starve}"
-        if report.home.proven == "any tank":
+        if report.recoverability.proven == "any tank":
             assert not can_starve, where
             said["tanks proven not to starve"] += 1
-        if starving and cubes == report.home.searched[-1]:
+        if starving and cubes == report.recoverability.searched[-1]:
             assert can_starve, where
             assert starving[0].is_error == must_starve, where
             said["starving tanks"] += 1
-        elif cubes in report.home.searched:
+        elif cubes in report.recoverability.searched:
             assert not can_starve, where
             said["tanks said not to starve"] += 1
         assert starving or not can_starve or not report.is_correct, where
     return said
 
 
-def _forms(examined, report, brute):
+def _forms(index, report, brute):
     """All structures that form; every one is known, and what they show is said."""
-    found, name = examined.found, brute.book.name
+    found, name = index.found, brute.book.name
     caps = (MOST_CUBES, len(found.structures)) if found.is_closed else (4, 8)
     forms, _ = brute.forms(*caps)
     kinds = {finding.kind for finding in report.findings}
@@ -123,15 +123,15 @@ def _forms(examined, report, brute):
         assert all(map(brute.is_part, forms)) == ("off-target" not in kinds), f"{name}: off-target was missed"
     else:
         assert not report.is_correct, name
-        assert report.home[:2] == ("nothing", ()), f"{name}: something is claimed where not all is known"
+        assert report.recoverability[:2] == ("nothing", ()), f"{name}: something is claimed where not all is known"
         assert "target not reached" not in kinds, name
     return forms
 
 
-def _lost(examined, brute):
+def _lost(index, brute):
     """How many cubes that are called lost never come home, and how many others do; all must, where it can be tried."""
-    book, found, numbers = brute.book, examined.found, [0, 0]
-    claimed = {marked(found.structures[c.structure], c.number).canonical(book.scheme) for c in examined.lost}
+    book, found, numbers = brute.book, index.found, [0, 0]
+    claimed = {marked(found.structures[c.structure], c.number).canonical(book.scheme) for c in index.lost}
     tank = BruteTank.of_free_cubes(brute, len(book.target), follow=True, most=MOST_STATES)
     if not tank.is_complete:
         return numbers
@@ -162,17 +162,17 @@ def _is_finished(brute, number):
     raise AssertionError(f"{brute.book.name}: {brute.structures[number]} is not finished")
 
 
-def _seen_in_waves(examined, report, slow):
+def _seen_in_waves(index, report, slow):
     """The same while internal rules act one cube at a time."""
     kinds = {finding.kind.removeprefix(SLOW) for finding in report.findings}
     forms, _ = slow.forms(len(slow.book.target) + 1, MOST_STRUCTURES)
     name = f"{slow.book.name} in slow waves"
-    if examined.targets and not all(map(slow.is_part, forms)):
+    if index.targets and not all(map(slow.is_part, forms)):
         assert "off-target" in kinds, f"{name}: off-target was missed"
     if slow.squeezing and "squeezed" not in kinds:
         raise AssertionError(f"{name}: squeezed was missed")
     tank = BruteTank.of_free_cubes(slow, len(slow.book.target), most=MOST_STATES)
-    if examined.targets and tank.is_complete and tank.starves()[0] and report.is_correct:
+    if index.targets and tank.is_complete and tank.starves()[0] and report.is_correct:
         faults = {"starvation", "trap", "dead end", "livelock", "not closed", "not proven", "target not reached"}
         assert kinds & faults, f"{name}: starvation was missed"
     return Counter(["books with waves"])

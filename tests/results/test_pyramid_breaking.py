@@ -10,8 +10,8 @@ from calibration.estimating.class_calibration import BookRuns, calibrate_classes
 from calibration.estimating.class_spread import class_spreads, flagged
 from calibration.pipeline.plan import StudyPlan
 from kinetics.assembly import RuleBook, check
-from kinetics.assembly.checking.examined import Examined
-from kinetics.assembly.checking.home import lost_cubes
+from kinetics.assembly.checking.exploration_index import ExplorationIndex
+from kinetics.assembly.checking.recoverability import lost_cubes
 from kinetics.assembly.deriving.explore import explore
 from kinetics.rates import ClassRates
 from mechsim.runs.store import RunStore
@@ -22,7 +22,7 @@ BREAKING = RuleBook.load("pyramid45_breaking")
 
 def lost(found):
     """Cubes of settled structures that no chain of events leads into a target."""
-    return len(lost_cubes(found, Examined(found).targets))
+    return len(lost_cubes(found, ExplorationIndex(found).targets))
 
 
 @pytest.mark.validate
@@ -40,8 +40,8 @@ def test_what_is_lost_can_be_rebuilt():
 def test_the_book_has_no_fault():
     report = check(BREAKING)
     assert not report.findings
-    assert report.home.proven == "enough free cubes"
-    assert report.home.searched == (45,)
+    assert report.recoverability.proven == "enough free cubes"
+    assert report.recoverability.searched == (45,)
 
 
 def test_all_runs_are_there():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from kinetics.assembly.checking.examined import Examined
+from kinetics.assembly.checking.exploration_index import ExplorationIndex
 from kinetics.assembly.checking.findings import Finding, Report
 from kinetics.assembly.checking.tanks import in_tanks
 from kinetics.assembly.deriving.explore import MAX_SPECIES, Exploration, explore
@@ -35,24 +35,24 @@ def check(
     What forms is explored for any number of seeds, so that seeds may meet; the tanks that are searched hold one.
     """
     found = explore(replace(book), max_cubes, max_species, progress=progress)  # of a book that has fired no rule yet
-    return report_of(Examined(found, progress), slow_waves)
+    return report_of(ExplorationIndex(found, progress), slow_waves)
 
 
-def report_of(examined: Examined, slow_waves: bool = True) -> Report:
+def report_of(index: ExplorationIndex, slow_waves: bool = True) -> Report:
     """The report on an exploration made before.
 
     Slow waves are explored up to ten times as many structures, and to twice the cubes of the largest one at rest.
     """
-    found, book = examined.found, examined.book
-    findings = [*examined.closure(), *examined.shapes(), *examined.squeezes()]
-    home, starving = in_tanks(examined)
+    found, book = index.found, index.book
+    findings = [*index.closure(), *index.shapes(), *index.squeezes()]
+    recoverability, starving = in_tanks(index)
     findings += starving
     waves = _why_no_waves(found, slow_waves)
     if not waves:
         most, size = MORE_IN_WAVES * found.max_species, 2 * max(map(len, found.structures))
-        apart = explore(book, min(found.max_cubes, size), most, progress=examined.progress, slow_waves=True)
+        apart = explore(book, min(found.max_cubes, size), most, progress=index.progress, slow_waves=True)
         known = {finding.kind for finding in findings}
-        in_waves = Examined(apart, examined.progress)
+        in_waves = ExplorationIndex(apart, index.progress)
         seen = (*in_waves.closure(), *in_waves.shapes(), *in_waves.squeezes(), *in_tanks(in_waves)[1])
         slow = (finding for finding in seen if finding.kind not in known)
         findings += [replace(finding, kind=SLOW + finding.kind, is_error=False) for finding in slow]
@@ -61,7 +61,7 @@ def report_of(examined: Examined, slow_waves: bool = True) -> Report:
     if found.is_closed:
         findings += _idle(book, found.structures, " while waves come to rest at once" if waves == LEFT_OUT else "")
     findings.sort(key=lambda finding: not finding.is_error)
-    return Report(book, len(found.structures), len(found.events), tuple(findings), home, waves)
+    return Report(book, len(found.structures), len(found.events), tuple(findings), recoverability, waves)
 
 
 def _why_no_waves(found: Exploration, slow_waves: bool) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from kinetics.assembly.checking.home import Scope
+from kinetics.assembly.checking.recoverability import Scope
 from kinetics.assembly.deriving.history import Change, laid_out
 from kinetics.assembly.drawing.counterexamples import Counterexample, counterexample_drawing, report_drawing
 from kinetics.assembly.drawing.drawing import Drawing
@@ -54,7 +54,7 @@ class Finding:
         return counterexample_drawing(self.counterexample(scheme), scheme).onto(ax)
 
 
-class Home(NamedTuple):
+class Recoverability(NamedTuple):
     """The tanks proven recoverable: they can always still make every target that their cubes allow.
 
     proven : for all tanks (`any tank`), for where free cubes do not run out (`enough free cubes`), or `nothing`
@@ -78,7 +78,7 @@ class Report:
     n_structures: int
     n_events: int
     findings: tuple[Finding, ...]
-    home: Home
+    recoverability: Recoverability
     waves: str
 
     @property
@@ -97,7 +97,7 @@ class Report:
 
     def __str__(self) -> str:
         """For people: the summary, for which tanks it holds, what was done about slow waves, then each finding."""
-        said = [self.summary, f"coming home: {self.home.text}", f"slow internal waves: {self.waves}"]
+        said = [self.summary, f"coming home: {self.recoverability.text}", f"slow internal waves: {self.waves}"]
         return "\n".join([*said, *map(str, self.findings)])
 
     @on_axes

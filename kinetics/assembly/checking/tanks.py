@@ -5,49 +5,51 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from kinetics.assembly.checking.compositions import MAX_COMPOSITIONS, compositions, events_to, leading_to
-from kinetics.assembly.checking.examined import Examined
-from kinetics.assembly.checking.findings import Finding, Home
-from kinetics.assembly.checking.home import scope
+from kinetics.assembly.checking.exploration_index import ExplorationIndex
+from kinetics.assembly.checking.findings import Finding, Recoverability
+from kinetics.assembly.checking.recoverability import scope
 from kinetics.assembly.deriving.explore import Indices, StructureEvent
 
 Tank = Mapping[Indices, Sequence[tuple[StructureEvent, Indices]]]
 
 
-def in_tanks(examined: Examined) -> tuple[Home, list[Finding]]:
+def in_tanks(index: ExplorationIndex) -> tuple[Recoverability, list[Finding]]:
     """The tanks in which all cubes can still end in targets, and the smallest tank that can starve.
 
     Tanks from one target's cubes to two targets' are searched if there is no proof for all of them.
     """
-    found, targets = examined.found, examined.targets
+    found, targets = index.found, index.targets
     if not targets or not found.is_closed:
-        return Home("nothing", (), "not examined, because there is no target, or no end to what can be assembled"), []
-    if examined.lost:
-        return Home("nothing", (), "no: some cubes never become part of a target"), []
-    size, seeded = len(found.structures[min(targets)]), examined.seed is not None
+        return Recoverability(
+            "nothing", (), "not examined, because there is no target, or no end to what can be assembled"
+        ), []
+    if index.lost:
+        return Recoverability("nothing", (), "no: some cubes never become part of a target"), []
+    size, seeded = len(found.structures[min(targets)]), index.seed is not None
 
     def is_makeable() -> bool:
-        tank = compositions(_start(size, seeded), found.events, examined.progress, until=targets)
+        tank = compositions(_start(size, seeded), found.events, index.progress, until=targets)
         return tank is not None and any(not targets.isdisjoint(state) for state in tank)
 
-    proven = scope(found, examined.seed, targets, is_makeable)
+    proven = scope(found, index.seed, targets, is_makeable)
     if proven == "any tank":
         parts = "free cubes and the seed" if seeded else "free cubes"
         text = (
             f"proven for any number of cubes: every other structure can fall apart into {parts}, which make the target"
         )
-        return Home(proven, (), text), []
+        return Recoverability(proven, (), text), []
     tried: list[int] = []
     findings: list[Finding] = []
     for cubes in [size] if seeded else range(size, 2 * size + 1):
         start = _start(cubes, seeded)
-        tank = compositions(start, found.events, examined.progress)
+        tank = compositions(start, found.events, index.progress)
         if tank is None:
             text = f"starvation: {cubes} cubes come in more than {MAX_COMPOSITIONS} compositions"
             findings.append(Finding("not proven", False, text))
             break
         tried.append(cubes)
         full = 1 if seeded else cubes // size
-        starving = _starving(examined, tank, start, full)
+        starving = _starving(index, tank, start, full)
         if starving is not None:
             findings.append(starving)
             break
@@ -63,18 +65,18 @@ def in_tanks(examined: Examined) -> tuple[Home, list[Finding]]:
     text = f"searched: {tanks}, {shown}" if tried else "no tank could be searched"
     if proven == "enough free cubes":
         text += "; proven for every structure that has free cubes enough around it"
-    return Home(proven, tuple(tried), text), findings
+    return Recoverability(proven, tuple(tried), text), findings
 
 
 def _start(cubes: int, seeded: bool) -> Indices:
     return (*(0,) * (cubes - 1), 1) if seeded else (0,) * cubes
 
 
-def _starving(examined: Examined, tank: Tank, start: Indices, full: int) -> Finding | None:
+def _starving(index: ExplorationIndex, tank: Tank, start: Indices, full: int) -> Finding | None:
     """The nearest composition from which the tank no longer gets full: an error where it never does."""
 
     def n_targets(state: Indices) -> int:
-        return sum(structure in examined.targets for structure in state)
+        return sum(structure in index.targets for structure in state)
 
     sources: dict[Indices, set[Indices]] = {state: set() for state in tank}
     for state, following in tank.items():
@@ -85,12 +87,12 @@ def _starving(examined: Examined, tank: Tank, start: Indices, full: int) -> Find
     if not bad:
         return None
     stuck = next((state for state in bad if not tank[state]), bad[0])
-    contents = " + ".join(examined.names[n] for n in stuck)
+    contents = " + ".join(index.names[n] for n in stuck)
     what = "where nothing happens any more" if not tank[stuck] else "from which it does not get there"
     is_certain = tuple(sorted(start)) not in good
     if is_certain:
         text = f"{len(start)} cubes never make {full} target{'s' if full > 1 else ''}, whatever happens"
     else:
         text = f"{len(start)} cubes can end as {contents}, {what}: {n_targets(stuck)} targets instead of {full}"
-    steps, changes = examined.as_steps(events_to(stuck, start, tank))
+    steps, changes = index.as_steps(events_to(stuck, start, tank))
     return Finding("starvation", is_certain, text, steps, changes=changes)

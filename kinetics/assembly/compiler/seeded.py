@@ -1,8 +1,8 @@
 """Rule books for large targets, grown cube by cube from a seed; bonds hold, free cubes come one at a time.
 
-Two routes. With two face types, the target is filled orbit by orbit in stages (`courses`, `waves`) and then letters are
-merged (`merging`). With six, it grows along a spanning tree (`spanning`), which is always possible, but each cube then
-fits at one face and one twist alone, and may have to slip in between two others.
+Two routes. With two face types, the target is filled orbit by orbit in stages (`growth_orders`, `waves`) and then
+letters are merged (`merging`). With six, it grows along a spanning tree (`spanning`), which is always possible, but
+each cube then fits at one face and one twist alone, and may have to slip in between two others.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
-from kinetics.assembly.compiler.courses import AXES, minus, planned_course, roots
+from kinetics.assembly.compiler.growth_orders import AXES, minus, planned_order, roots
 from kinetics.assembly.compiler.merging import letter_name, named, reduced, tables_of
 from kinetics.assembly.compiler.result import Compiled, Notify, UndecidedError, sensing
 from kinetics.assembly.compiler.spanning import distances, spanning_tree
@@ -27,7 +27,7 @@ from kinetics.assembly.structure import Structure
 
 SEARCHING = 0.7  # of the time may go into the search, the rest is for the checks
 # Steps for one kind of senses: orbits tried, states explored, merges tried, cubes hung elsewhere.
-RUNG_STEPS, COURSE_STEPS = 1_000_000, 200_000  # for all, and for the order of growth
+RUNG_STEPS, ORDER_STEPS = 1_000_000, 200_000  # for all, and for the order of growth
 TRIES, GROWTHS = 300, 500  # orders of merging, and random growths that a book has to pass; times the effort
 MOVES = 5000  # from each start of the search for a tree
 LADDER = (
@@ -109,16 +109,16 @@ def _by_stages(target: Target, senses: Senses, seed: int, budget: Budget, report
             f"target {target.name!r} with {sensing(senses)}: growth from a seed needs two or six face types; "
             'set faces = "two" in its senses'
         )
-    with budget.at_most(COURSE_STEPS):
-        course, root = planned_course(target, senses, budget.step)
-    report(f"a growth in {len(course.stages)} stages; reading along")
+    with budget.at_most(ORDER_STEPS):
+        order, root = planned_order(target, senses, budget.step)
+    report(f"a growth in {len(order.stages)} stages; reading along")
     for weaker in _weaker(senses) if target.senses is None else (senses,):
-        facts, seed_letter, final = facts_of(replace(course, senses=weaker), budget.step)
+        facts, seed_letter, final = facts_of(replace(order, senses=weaker), budget.step)
         tables = tables_of(facts)
         if tables is not None:
             senses = weaker
             break
-    assert tables is not None  # noqa: S101  the course was planned without a clash
+    assert tables is not None  # noqa: S101  the order was planned without a clash
     best, rng = None, np.random.default_rng(seed)
     try:
         for number in range(1, budget.times(TRIES) + 1):
@@ -137,7 +137,7 @@ def _by_stages(target: Target, senses: Senses, seed: int, budget: Budget, report
             raise
     assert best is not None  # noqa: S101  there is at least one try
     _, names, rules = best
-    tops = tuple(AXES[course.axes[minus(p, root)]] for p in target.positions)
+    tops = tuple(AXES[order.axes[minus(p, root)]] for p in target.positions)
     letters = tuple(names[final[minus(p, root)]] for p in target.positions)
     finished = BookTarget(cubes=target.positions, letters=letters, tops=tops).structure()
     book = RuleBook(

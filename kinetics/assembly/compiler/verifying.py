@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from kinetics.assembly.checking.checker import report_of
-from kinetics.assembly.checking.examined import Examined
+from kinetics.assembly.checking.exploration_index import ExplorationIndex
 from kinetics.assembly.compiler.budget import Budget
 from kinetics.assembly.compiler.result import Notify
 from kinetics.assembly.deriving.explore import explore
@@ -36,7 +36,7 @@ def explored(book: RuleBook, progress: Callable[[int, int], None] | None = None)
     found = explore(book, len(book.target), MOST_STRUCTURES, first_beyond=True, progress=progress)
     if found.stopped and found.beyond is None and not found.livelocks and not found.squeezed:
         return (f"explored again as a book only in part: {found.stopped}",)
-    report = report_of(Examined(found, progress), slow_waves=False)
+    report = report_of(ExplorationIndex(found, progress), slow_waves=False)
     for finding in report.findings:
         if finding.is_error or finding.kind == "squeezed":
             raise WrongBookError(book, finding)
@@ -45,7 +45,7 @@ def explored(book: RuleBook, progress: Callable[[int, int], None] | None = None)
         "target and no more, none by squeezing a cube in"
     )
     order = stages_in_words(stages(found.structures, found.events, book.scheme))
-    return events, order, f"coming home: {report.home.text}"
+    return events, order, f"coming home: {report.recoverability.text}"
 
 
 def grown(book: RuleBook, runs: int, seed: int, budget: Budget, report: Notify) -> tuple[str, ...]:

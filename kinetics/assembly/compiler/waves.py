@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 
-from kinetics.assembly.compiler.courses import Course
 from kinetics.assembly.compiler.growth import Facts, Letters, Stage, around, beside, explore_stage
+from kinetics.assembly.compiler.growth_orders import GrowthOrder
 from kinetics.assembly.compiler.spanning import distances
 from kinetics.assembly.faces import Position
 
@@ -25,13 +25,13 @@ class _Waves:
         seed
     """
 
-    def __init__(self, course: Course):
+    def __init__(self, order: GrowthOrder):
         self.codes: dict[State, int] = {}
         self.states: list[State] = []
         self.expected: list[dict[int, Counter[int]]] = []
         self.distance: list[dict[int, int]] = []
         whole = {ORIGIN: SEED}
-        for coming in course.stages:
+        for coming in order.stages:
             whole |= coming
             near = {orbit: Counter(whole[p] for p in beside(place) if p in whole) for place, orbit in whole.items()}
             self.expected.append(near)
@@ -67,17 +67,17 @@ class _Waves:
         return self.code(orbit, stage, True) if inner else self.code(orbit, stage + 1, False)
 
 
-def facts_of(course: Course, tick: Callable[[], None] = lambda: None) -> tuple[Facts, int, Letters]:
+def facts_of(order: GrowthOrder, tick: Callable[[], None] = lambda: None) -> tuple[Facts, int, Letters]:
     """All that is read during a planned growth, with as many letters as it takes; the seed's; those at the end.
 
     TooManyError: a stage has more than MOST_STATES states.
     """
-    waves, facts = _Waves(course), Facts()
+    waves, facts = _Waves(order), Facts()
     seed = waves.code(SEED, 0, False)
     letters = {ORIGIN: seed}
-    for number, coming in enumerate(course.stages):
+    for number, coming in enumerate(order.stages):
         entering = {place: waves.code(orbit, number, False) for place, orbit in coming.items()}
-        stage = Stage(course.senses, course.axes, letters, entering, course.required)
-        is_last = number == len(course.stages) - 1
-        letters = explore_stage(stage, course.turns, is_last, facts, waves.follow, tick=tick)
+        stage = Stage(order.senses, order.axes, letters, entering, order.required)
+        is_last = number == len(order.stages) - 1
+        letters = explore_stage(stage, order.turns, is_last, facts, waves.follow, tick=tick)
     return facts, seed, letters

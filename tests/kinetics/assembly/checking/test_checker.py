@@ -10,9 +10,9 @@ from click.testing import CliRunner
 from kinetics.assembly import LivelockError, RuleBook, Semantics, Senses, Structure, check, derive
 from kinetics.assembly.checking.checker import SLOW
 from kinetics.assembly.rules.conditions import Combination, Dissociation, Internal
-from kinetics.commands import rules as command
 from tests.helpers.planted_faults import squeezed
 from tests.helpers.tree_books import tree_book
+from wellmixed import main
 
 LINE4, T5 = RuleBook.load("line4"), RuleBook.load("t5")
 HOLD = Semantics(bonds="hold")
@@ -158,7 +158,7 @@ def test_a_seed_that_becomes_a_free_cube_at_once_is_none():
     free = Dissociation(rule="free", neighbours=[], becomes="a")
     report = check(replace(made, dissociate=(free,)))
     assert report.is_correct
-    assert report.home.proven == "any tank"
+    assert report.recoverability.proven == "any tank"
 
 
 def test_what_is_left_out_may_still_make_the_target():
@@ -182,7 +182,7 @@ def test_slow_waves_may_starve():
     assert not finding.is_error
     assert finding.steps[-1].startswith("dimer")
     assert "2 cubes can end as" in finding.text
-    assert report.home.proven == "any tank"  # while waves come to rest at once
+    assert report.recoverability.proven == "any tank"  # while waves come to rest at once
     assert "starvation" not in kinds(report)
 
 
@@ -231,14 +231,14 @@ def test_a_cube_squeezed_between_two_is_seen():
 
 
 def test_command():
-    ran = CliRunner().invoke(command, ["check", "t5", "--json"])
+    ran = CliRunner().invoke(main, ["rules", "check", "t5", "--json"])
     assert ran.exit_code == 0
     said = json.loads(ran.output)
     home = said.pop("coming_home")
     assert said.pop("slow_waves") == "none, as there are no internal rules"
     assert said == {"book": "t5", "correct": True, "structures": 9, "events": 25, "findings": []}
     assert (home["proven"], home["searched"]) == ("any tank", [])
-    ran = CliRunner().invoke(command, ["check", "line4_as_printed", "--no-slow-waves"])
+    ran = CliRunner().invoke(main, ["rules", "check", "line4_as_printed", "--no-slow-waves"])
     assert ran.exit_code == 1
     assert "error: off-target: 3 of 20 structures are no part of the target" in ran.output
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 
 from kinetics.assembly import RuleBook, Semantics, Senses, Structure, check
-from kinetics.assembly.checking import cubes, examined, home, tanks
+from kinetics.assembly.checking import cubes, exploration_index, recoverability, tanks
 from kinetics.assembly.checking.compositions import compositions
-from kinetics.assembly.checking.examined import Examined
+from kinetics.assembly.checking.exploration_index import ExplorationIndex
 from kinetics.assembly.deriving.explore import explore
 from kinetics.assembly.rules.conditions import Combination, Dissociation, Internal
 from tests.helpers.brute_tanks import BruteBook, BruteTank
@@ -115,19 +115,29 @@ def trapping():
 WRONG = {
     "all is proven": (tanks, "scope", lambda *_: "any tank", lambda: planted("holding", 0)[1]),
     "free cubes are enough": (tanks, "scope", lambda *_: "enough free cubes", exchanging),
-    "seeds come and go": (home, "_keeps", lambda event, seeds: True, reseeding),
+    "seeds come and go": (recoverability, "_keeps", lambda event, seeds: True, reseeding),
     "all are lost": (
-        examined,
+        exploration_index,
         "lost_cubes",
-        lambda found, *_: list(home.sources_of_cubes(found)),
+        lambda found, *_: list(recoverability.sources_of_cubes(found)),
         lambda: tree_book(0, 3),
     ),
-    "none are lost": (examined, "lost_cubes", lambda *_: [], trapping),
+    "none are lost": (exploration_index, "lost_cubes", lambda *_: [], trapping),
     "nothing starves": (tanks, "_starving", lambda *_: None, lambda: planted("holding", 0)[1]),
-    "all is part of the target": (examined, "fits_into", lambda *_: True, lambda: planted("off target", 0)[1]),
-    "nothing is part of the target": (examined, "fits_into", lambda *_: False, lambda: tree_book(0, 3)),
-    "nothing is squeezed": (examined.Examined, "squeezes", lambda self: [], lambda: planted("squeezed", 0)[1]),
-    "all comes to rest": (examined.Examined, "closure", lambda self: [], lambda: planted("restless", 0)[1]),
+    "all is part of the target": (exploration_index, "fits_into", lambda *_: True, lambda: planted("off target", 0)[1]),
+    "nothing is part of the target": (exploration_index, "fits_into", lambda *_: False, lambda: tree_book(0, 3)),
+    "nothing is squeezed": (
+        exploration_index.ExplorationIndex,
+        "squeezes",
+        lambda self: [],
+        lambda: planted("squeezed", 0)[1],
+    ),
+    "all comes to rest": (
+        exploration_index.ExplorationIndex,
+        "closure",
+        lambda self: [],
+        lambda: planted("restless", 0)[1],
+    ),
 }
 
 
@@ -148,9 +158,9 @@ def test_endless_pairing_is_an_error():
     assert finding.is_error
     assert not report.is_correct
     assert "x" in finding.structure.letters
-    assert report.home.proven == "nothing"
+    assert report.recoverability.proven == "nothing"
     found = explore(trapping())
-    lost = home.lost_cubes(found, {found.structures.index(trapping().target.canonical("two"))})
+    lost = recoverability.lost_cubes(found, {found.structures.index(trapping().target.canonical("two"))})
     assert [found.structures[cube.structure].letters[cube.number] for cube in lost] == ["x", "x", "x"]
 
 
@@ -186,9 +196,9 @@ def symmetric():
 def test_either_of_two_like_cubes_may_be_the_one_that_comes_home(monkeypatch):
     found = explore(symmetric())
     targets = {found.structures.index(symmetric().target.canonical("two"))}
-    assert home.lost_cubes(found, targets) == []
+    assert recoverability.lost_cubes(found, targets) == []
     monkeypatch.setattr(cubes, "_firsts", lambda structure, scheme: list(range(len(structure))))  # the control
-    assert home.lost_cubes(found, targets) != []
+    assert recoverability.lost_cubes(found, targets) != []
 
 
 def test_a_target_that_takes_more_cubes_than_it_has_starves_for_certain():
@@ -199,7 +209,7 @@ def test_a_target_that_takes_more_cubes_than_it_has_starves_for_certain():
     (finding,) = (f for f in report.findings if f.kind == "starvation")
     assert finding.is_error
     assert finding.text == "3 cubes never make 1 target, whatever happens"
-    assert report.home.text.startswith("searched: tanks of 3 cubes, the last of which never gets full")
+    assert report.recoverability.text.startswith("searched: tanks of 3 cubes, the last of which never gets full")
 
 
 def pairs(*left):
@@ -220,7 +230,7 @@ def test_tanks_are_searched_up_to_two_targets():
     book = pairs(stay, Dissociation(rule="go", letter="b", lost="x", becomes="a"))
     report = check(book)
     assert [finding.kind for finding in report.findings] == ["starvation"]
-    assert report.home.searched == (2, 3, 4)
+    assert report.recoverability.searched == (2, 3, 4)
     assert report.findings[0].text.startswith("4 cubes can end as")
     assert [starves(book, cubes) for cubes in (2, 3, 4)] == [(False, False)] * 2 + [(True, False)]
 
@@ -238,12 +248,12 @@ def test_one_lost_structure_is_enough():
 
 
 def test_what_is_proven_is_said():
-    assert check(RuleBook.load("line4")).home.proven == "any tank"
-    assert check(RuleBook.load("t5")).home.proven == "any tank"
+    assert check(RuleBook.load("line4")).recoverability.proven == "any tank"
+    assert check(RuleBook.load("t5")).recoverability.proven == "any tank"
     stay = Dissociation(rule="stay", letter="b", becomes="x")
     report = check(pairs(stay))  # two x wait for two free cubes
-    assert report.home.proven == "enough free cubes"
-    assert report.home.text.endswith("proven for every structure that has free cubes enough around it")
+    assert report.recoverability.proven == "enough free cubes"
+    assert report.recoverability.text.endswith("proven for every structure that has free cubes enough around it")
 
 
 def test_the_search_of_tanks_can_be_ended():
@@ -257,7 +267,7 @@ def test_the_search_of_tanks_can_be_ended():
     def out_of_time(*_):
         raise TimeoutError
 
-    late = Examined(found, out_of_time)
+    late = ExplorationIndex(found, out_of_time)
     with pytest.raises(TimeoutError):
         _ = late.lost
     late.__dict__["lost"] = []
@@ -278,7 +288,7 @@ def test_what_free_cubes_alone_do_not_finish_is_not_proven():
     book = exchanging()
     report = check(book)
     assert report.findings == ()
-    assert report.home == ("nothing", (2, 3, 4), "searched: tanks of 2 to 4 cubes, none of which starves")
+    assert report.recoverability == ("nothing", (2, 3, 4), "searched: tanks of 2 to 4 cubes, none of which starves")
     assert not any(starves(book, cubes)[0] for cubes in (2, 3, 4, 5))
 
 
@@ -287,8 +297,8 @@ def test_free_cubes_that_become_seeds_are_no_proof():
     report = check(reseeding())
     (finding,) = report.findings
     assert finding.text.startswith("3 cubes can end as seed + seed + seed, where nothing happens any more")
-    assert report.home.proven == "enough free cubes"
-    assert check(tree_book(0, 3, seeded=True)).home.proven == "any tank"
+    assert report.recoverability.proven == "enough free cubes"
+    assert check(tree_book(0, 3, seeded=True)).recoverability.proven == "any tank"
 
 
 def test_seeds_that_come_from_free_cubes_are_no_proof():
@@ -303,4 +313,4 @@ def test_seeds_that_come_from_free_cubes_are_no_proof():
     book = RuleBook("seeds", ("a", "s", "b", "p"), "a", Senses(faces="two"), target, "s", Semantics(),
                     combine=tuple(bonds), dissociate=tuple(parting))  # fmt: skip
     assert starves(book, 3) == (True, False)
-    assert check(book).home.proven == "enough free cubes"
+    assert check(book).recoverability.proven == "enough free cubes"

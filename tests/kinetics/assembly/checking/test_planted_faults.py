@@ -4,10 +4,10 @@ import pytest
 from click.testing import CliRunner
 
 from kinetics.assembly import check
-from kinetics.assembly.checking import checker, examined
+from kinetics.assembly.checking import checker, exploration_index
 from kinetics.assembly.rules.writing import written
-from kinetics.commands import rules as command
 from tests.helpers.planted_faults import FAULTS, WARNINGS, planted
+from wellmixed import main
 
 
 def found(book):
@@ -39,7 +39,7 @@ def test_the_command_finds_them_too(fault, tmp_path):
     files = [tmp_path / "sound.toml", tmp_path / "faulty.toml"]
     for file, book in zip(files, planted(fault, 0), strict=True):
         file.write_text(written(book), encoding="utf-8")
-    sound, faulty = (CliRunner().invoke(command, ["check", str(file)]) for file in files)
+    sound, faulty = (CliRunner().invoke(main, ["rules", "check", str(file)]) for file in files)
     assert sound.exit_code == 0
     assert f"{FAULTS[fault][0]}: " not in sound.output
     assert faulty.exit_code == 1
@@ -49,15 +49,15 @@ def test_the_command_finds_them_too(fault, tmp_path):
 @pytest.mark.parametrize(
     ("where", "name", "blind", "fault"),
     [
-        (examined, "lost_cubes", lambda *_: [], "endless pairing"),
-        (examined, "lost_cubes", lambda *_: [], "closed circle"),
-        (examined, "lost_cubes", lambda *_: [], "dead end"),
-        (examined, "fits_into", lambda part, whole, scheme: True, "off target"),
-        (examined.Examined, "closure", lambda self: [], "restless"),
-        (examined.Examined, "squeezes", lambda self: [], "squeezed"),
-        (checker, "in_tanks", lambda examined: (None, []), "holding"),
-        (checker, "in_tanks", lambda examined: (None, []), "never free"),
-        (checker, "in_tanks", lambda examined: (None, []), "remainder"),
+        (exploration_index, "lost_cubes", lambda *_: [], "endless pairing"),
+        (exploration_index, "lost_cubes", lambda *_: [], "closed circle"),
+        (exploration_index, "lost_cubes", lambda *_: [], "dead end"),
+        (exploration_index, "fits_into", lambda part, whole, scheme: True, "off target"),
+        (exploration_index.ExplorationIndex, "closure", lambda self: [], "restless"),
+        (exploration_index.ExplorationIndex, "squeezes", lambda self: [], "squeezed"),
+        (checker, "in_tanks", lambda index: (None, []), "holding"),
+        (checker, "in_tanks", lambda index: (None, []), "never free"),
+        (checker, "in_tanks", lambda index: (None, []), "remainder"),
     ],
 )
 def test_a_blind_checker_is_found_out(where, name, blind, fault, monkeypatch):

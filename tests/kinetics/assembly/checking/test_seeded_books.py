@@ -7,7 +7,7 @@ from itertools import product
 import pytest
 
 from kinetics.assembly import LivelockError, Structure, check
-from kinetics.assembly.checking import examined
+from kinetics.assembly.checking import exploration_index
 from kinetics.assembly.compiler import Target, compile_book
 from kinetics.assembly.deriving.explore import explore
 from kinetics.assembly.deriving.history import random_growth
@@ -69,14 +69,14 @@ def test_no_fault_of_a_seeded_book_is_called_right(places):
 
 def test_a_checker_that_sees_no_dead_end_is_found_out(monkeypatch):
     """The control."""
-    monkeypatch.setattr(examined, "lost_cubes", lambda *_: [])
-    monkeypatch.setattr(examined.Examined, "_missing", lambda self, target: ())
+    monkeypatch.setattr(exploration_index, "lost_cubes", lambda *_: [])
+    monkeypatch.setattr(exploration_index.ExplorationIndex, "_missing", lambda self, target: ())
     with pytest.raises(AssertionError):
         compared(compiled(PLATE))
 
 
 def test_free_cubes_and_the_seed_are_there_from_the_start():
-    found = examined.Examined(explore(compiled(PLATE)))
+    found = exploration_index.ExplorationIndex(explore(compiled(PLATE)))
     assert found.seed == 1
     assert found.costs[:2] == [0, 0]
     assert min(found.costs[2:]) == 1

@@ -9,8 +9,8 @@ import pytest
 from kinetics.assembly import RuleBook, Senses, check, derive
 from kinetics.assembly.compiler import InfeasibleError, Target, UndecidedError, compile_book
 from kinetics.assembly.compiler.budget import Budget
-from kinetics.assembly.compiler.courses import Planner, about, orbits_of
 from kinetics.assembly.compiler.growth import symmetries
+from kinetics.assembly.compiler.growth_orders import Planner, about, orbits_of
 from kinetics.assembly.compiler.merging import named, reduced, tables_of
 from kinetics.assembly.compiler.spanning import Kinds, spanning_tree
 from kinetics.assembly.compiler.tables import covering, rules_of
@@ -132,8 +132,8 @@ def test_kinds_do_not_depend_on_the_turn():
 def staged(positions, axis=2):
     axes = dict.fromkeys(positions, axis)
     orbits = orbits_of(positions, symmetries(about(axis), dict.fromkeys(positions, 0), axes))[0]
-    course = Planner(COOP, orbits, axis, axes, 500).plan()
-    return facts_of(course)
+    order = Planner(COOP, orbits, axis, axes, 500).plan()
+    return facts_of(order)
 
 
 def book_of(tables, seed, final, positions):

@@ -49,6 +49,6 @@ def test_a_growth_may_end_in_either_image(monkeypatch):
     book = RuleBook.load(Path(__file__).with_name("block_in_two_images.toml"))
     report = check(book)
     assert report.findings == ()
-    assert report.home.searched == (8,)
+    assert report.recoverability.searched == (8,)
     monkeypatch.setattr(mirror, "LEFT_AND_RIGHT", ("two", "six"))  # the control: as if the images were told apart
     assert [finding.kind for finding in check(book).findings if finding.is_error] == ["dead end", "trap"]

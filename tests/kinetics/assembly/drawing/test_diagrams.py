@@ -18,7 +18,7 @@ from kinetics.assembly.drawing.drawing import width_of
 from kinetics.assembly.drawing.network_diagram import DrawnChannel, grouped
 from kinetics.assembly.rules.conditions import Combination, Dissociation, Internal
 from kinetics.assembly.rules.words import rule_words
-from kinetics.commands import rules as command
+from wellmixed import main
 
 LINE4, T5, PYRAMID = (RuleBook.load(name) for name in ("line4", "t5", "pyramid45"))
 BOOKS = [LINE4, T5, PYRAMID, RuleBook.load("line4_as_printed")]
@@ -185,7 +185,7 @@ def test_draw_command(tmp_path, what):
     outs = [tmp_path / "one.svg", tmp_path / "two.svg"]
     for out in outs:
         arguments = ["draw", "t5", "--what", what, "--out", str(out), "--json"]
-        result = CliRunner().invoke(command, arguments, catch_exceptions=False)
+        result = CliRunner().invoke(main, ["rules", *arguments], catch_exceptions=False)
         told = json.loads(result.stdout)
         assert told["what"] == what
         assert told["out"] == str(out)
@@ -196,7 +196,7 @@ def test_draw_command(tmp_path, what):
 
 def test_growth_of_a_seeded_book(tmp_path):
     arguments = ["draw", "pyramid45", "--what", "growth", "--seed", "1", "--frames", "4", "--json"]
-    result = CliRunner().invoke(command, [*arguments, "--out", str(tmp_path / "g.png")], catch_exceptions=False)
+    result = CliRunner().invoke(main, ["rules", *arguments, "--out", str(tmp_path / "g.png")], catch_exceptions=False)
     told = json.loads(result.stdout)
     assert told["frames"] == [1, 16, 30, 45]
     assert told["seed"] == 1
@@ -207,12 +207,14 @@ def test_draw_command_takes_targets(tmp_path):
     target.write_text('layers = ["""\n##\n#.\n"""]\n')
     for name, cubes in ((str(target), 3), ("corner", 4)):
         arguments = ["draw", name, "--out", str(tmp_path / "t.svg"), "--json"]
-        assert json.loads(CliRunner().invoke(command, arguments, catch_exceptions=False).stdout)["cubes"] == cubes
+        assert (
+            json.loads(CliRunner().invoke(main, ["rules", *arguments], catch_exceptions=False).stdout)["cubes"] == cubes
+        )
 
 
 def test_check_command_draws(tmp_path):
     out = tmp_path / "report.svg"
-    result = CliRunner().invoke(command, ["check", "line4", "--plot", str(out), "--json"], catch_exceptions=False)
+    result = CliRunner().invoke(main, ["rules", "check", "line4", "--plot", str(out), "--json"], catch_exceptions=False)
     assert json.loads(result.stdout)["plot"] == str(out)
     ET.parse(out)
 
@@ -225,8 +227,8 @@ def test_wrong_input(tmp_path):
         (["draw", "none.toml", "--out", out], "does not exist"),
     ):
         with pytest.raises(ValueError, match=message):
-            CliRunner().invoke(command, arguments, catch_exceptions=False)
-    refused = CliRunner().invoke(command, ["draw", "t5", "--out", "x.txt"])
+            CliRunner().invoke(main, ["rules", *arguments], catch_exceptions=False)
+    refused = CliRunner().invoke(main, ["rules", "draw", "t5", "--out", "x.txt"])
     assert refused.exit_code == 2
     assert "must end in .png, .pdf, .svg" in refused.stderr
     with pytest.raises(ValueError, match="both must be at least 1"):

@@ -7,7 +7,7 @@ from functools import cached_property
 
 from kinetics.assembly.checking.cubes import Cube
 from kinetics.assembly.checking.findings import Finding
-from kinetics.assembly.checking.home import lost_cubes
+from kinetics.assembly.checking.recoverability import lost_cubes
 from kinetics.assembly.deriving.derive import named
 from kinetics.assembly.deriving.explore import Exploration, StructureEvent
 from kinetics.assembly.deriving.history import Change, fits_into, shortest, way_to
@@ -15,7 +15,7 @@ from kinetics.assembly.deriving.mirror import same_to_rules
 from kinetics.assembly.structure import Structure
 
 
-class Examined:
+class ExplorationIndex:
     """An exploration with indexes for the checks.
 
     progress : called with how much is explored and found, of cubes and compositions; it may raise to end the work

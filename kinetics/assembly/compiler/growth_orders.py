@@ -40,7 +40,7 @@ SEEDS = 4  # places tried for the seed where the target names none
 
 
 @dataclass(frozen=True)
-class Course:
+class GrowthOrder:
     """A growth order in stages, with the seed at the origin.
 
     senses : of the cubes
@@ -57,7 +57,7 @@ class Course:
     turns: tuple[Turn, ...]
 
 
-class NoCourseError(Exception):
+class NoGrowthOrderError(Exception):
     """There is no growth order: the clash as text; is_proof: all orders were tried."""
 
     def __init__(self, clash: str, is_proof: bool):
@@ -122,23 +122,23 @@ class Planner:
         self.clash = ""
         self.is_proof = True  # as long as nothing was left out
 
-    def plan(self, tick: Callable[[], None] = lambda: None) -> Course:
+    def plan(self, tick: Callable[[], None] = lambda: None) -> GrowthOrder:
         """The stages.
 
         tick : called again and again; it may raise to end the search
-        NoCourseError: there is no such order, or none within the budget.
+        NoGrowthOrderError: there is no such order, or none within the budget.
         """
         self.tick = tick
         origin = (0, 0, 0)
         axes, required = {origin: self.axis}, {origin: frozenset[Position]()}
         if not self._extend(axes, required, {origin: self.orbit_of[origin]}, {}):
-            raise NoCourseError(self.clash, self.is_proof and self.budget > 0)
+            raise NoGrowthOrderError(self.clash, self.is_proof and self.budget > 0)
         stages: list[dict[Position, int]] = []
         for orbit, is_first in self.order:
             if is_first or not stages:
                 stages.append({})
             stages[-1].update(dict.fromkeys(self.orbits[orbit], orbit))
-        return Course(self.senses, axes, tuple(stages), required, self.turns)
+        return GrowthOrder(self.senses, axes, tuple(stages), required, self.turns)
 
     def _extend(
         self,
@@ -238,7 +238,7 @@ def clash_words(facts: Facts, stage: Stage) -> str:
     return f"with {len(stage.standing)} cubes standing, cubes that look alike would have to become different ones"
 
 
-def planned_course(target: Target, senses: Senses, tick: Callable[[], None]) -> tuple[Course, Position]:
+def planned_order(target: Target, senses: Senses, tick: Callable[[], None]) -> tuple[GrowthOrder, Position]:
     """A growth order, and the place of the seed.
 
     tick : called again and again; its OutOfStepsError ends the search
@@ -254,19 +254,19 @@ def planned_course(target: Target, senses: Senses, tick: Callable[[], None]) -> 
     all_tried, within = True, ""
     for search, root in _searches(target, senses):
         try:
-            course = search.plan(tick)
-        except NoCourseError as error:
+            order = search.plan(tick)
+        except NoGrowthOrderError as error:
             clashes.append(str(error))
             all_tried &= error.is_proof
         except OutOfStepsError:
             within = " within the steps allowed"
             break
         else:
-            tops = tuple([AXES[course.axes[minus(place, root)]] for place in target.positions])
-            orbits = {place: orbit for stage in course.stages for place, orbit in stage.items()}
+            tops = tuple([AXES[order.axes[minus(place, root)]] for place in target.positions])
+            orbits = {place: orbit for stage in order.stages for place, orbit in stage.items()}
             letters = tuple([str(orbits.get(minus(place, root))) for place in target.positions])
             if _is_its_mirror_image(target.positions, tops, letters):
-                return course, root
+                return order, root
             clashes.append("cubes that come in this order cannot tell left from right, and finish in either way")
             all_tried = False  # there may be other orders
     if all_tried and target.seed is not None and not within:
