@@ -84,14 +84,14 @@ def ask(
 
     NETWORK is a rule book, which needs --rates and --cubes, a network file that contains both, or a .tra file as PRISM
     and Storm write it. A QUESTION is one of theirs, such as 'P=? [ F<=100 quadmer >= 1 ]', 'P=? [ a > 0 U b = 3 ]',
-    'S=? [ monomer < 5 ]' or 'R{"quadmer"}=? [ I=100 ]'; U and G take time bounds as F does, R takes I=t, C<=t, F and
-    S. Species count as variables and as rewards. Times are in tu.
+    'S=? [ monomer < 5 ]' or 'R{"quadmer"}=? [ I=100 ]'; F, U and G take time bounds <=t and [a,b], R takes I=t, C<=t,
+    F and S. Species count as variables and as rewards. Times are in tu.
 
     For F, G and U a chain is followed no further than to where the answer is settled. A network that has no end even
     so is truncated by --truncate; the bounds hold for any behaviour outside.
     """
     from kinetics.markov import Sensitivity
-    from kinetics.markov.queries import parse
+    from kinetics.markov.questions import parse
     from kinetics.markov.settling import answering_chains
 
     if not questions and out_file is None:
@@ -129,7 +129,7 @@ def ask(
             for place in range(len(queries)) if out_file else places:
                 progress(f"answering {questions[place]} by {len(chain)} states")
                 query = queries[place]
-                found[place] = query.of(chain), None if sensitivity is None else query.of(sensitivity)
+                found[place] = query.value(chain), None if sensitivity is None else query.derivatives(sensitivity)
             states, rates = max(states, len(chain)), max(rates, chain.transitions.rates.size)
     answers = [(text, *found[place]) for place, text in enumerate(questions)]
     if as_json:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from kinetics.markov.network_questions import committor, first_passage, stationary
     from kinetics.markov.paths import ChainPath, chain_path, chain_path_to
     from kinetics.markov.prism_model import prism_text
-    from kinetics.markov.queries import ask
+    from kinetics.markov.questions import ask
     from kinetics.markov.sensitivity import Sensitivity, passage_sensitivity, sensitivity_to
 
 _HOMES = {
@@ -25,7 +25,7 @@ _HOMES = {
     "kinetics.markov.network_questions": ("committor", "first_passage", "stationary"),
     "kinetics.markov.paths": ("ChainPath", "chain_path", "chain_path_to"),
     "kinetics.markov.prism_model": ("prism_text",),
-    "kinetics.markov.queries": ("ask",),
+    "kinetics.markov.questions": ("ask",),
     "kinetics.markov.sensitivity": ("Sensitivity", "passage_sensitivity", "sensitivity_to"),
 }
 

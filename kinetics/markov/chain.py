@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from kinetics.markov.chain_distribution import ChainDistribution
 from kinetics.markov.checks import Reward, built_in, checked_parts, states_of
+from kinetics.markov.first_phase import FirstPhase
 from kinetics.markov.passage.backward import expected_integral
 from kinetics.markov.passage.committor import Committor, check_targets, committor_of
 from kinetics.markov.passage.first_passage import Passage
@@ -147,31 +148,37 @@ class Chain:
         through: Target | None = None,
         by: float | None = None,
         method: ListingMethod | None = None,
+        after: float = 0.0,
     ) -> Answer:
         """Probability of reaching the target on the way through given states alone (by default any), by a time or ever.
 
         by : tu; None for ever, by linear equations, solved by iteration, elimination or sparse LU
+        after : the target counts from this time on, tu, and the way must not be left before; the error is then absolute
         method : a solving method for the pass, forwards; by default it is backwards, with a relative error, or by
             `Transient` where that would take too many steps
         """
         goal = self.states(target)
         ways = np.ones(len(self), dtype=bool) if through is None else self.states(through, "through")
+        first = self._first_phase(ways, after, by, method) if after else None
 
         def reached(goals: Mask) -> Answer:
             if by is None:
                 return self._answer(lambda: until(*self._begun, ways, goals).found, EQUATIONS)
-            return self._by(goals, goals | ~ways, by, method)
+            return self._by(goals, goals | ~ways, by, method, first)
 
         return self._either_way(reached, goal, self.truncated & ways & ~goal)
 
-    def always(self, states: Target, by: float | None = None, method: ListingMethod | None = None) -> Answer:
-        """Probability of not leaving the states, until a time or ever."""
+    def always(
+        self, states: Target, by: float | None = None, method: ListingMethod | None = None, after: float = 0.0
+    ) -> Answer:
+        """Probability of being in the states all the time, from `after` on, tu, until a time or ever."""
         wanted = self.states(states)
+        first = self._first_phase(np.ones(len(self), dtype=bool), after, by, method) if after else None
 
         def stays(kept: Mask) -> Answer:
             if by is None:
                 return self._answer(lambda: always(*self._begun, kept).found, EQUATIONS)
-            return self._by(kept, ~kept, by, method)
+            return self._by(kept, ~kept, by, method, first)
 
         return self._either_way(stays, wanted & ~self.truncated, self.truncated & wanted)
 
@@ -258,10 +265,16 @@ class Chain:
     def _begun(self) -> tuple[Transitions, Floats]:
         return self.transitions, self.initial
 
-    def _by(self, held: Mask, stops: Mask, by: float, method: ListingMethod | None) -> Answer:
-        """The probability of `held` at a time, of the chain that is stopped."""
+    def _first_phase(self, ways: Mask, after: float, by: float | None, method: ListingMethod | None) -> FirstPhase:
+        return FirstPhase.of(*self._begun, ways, self.truncated, (after, by), self.space, method)
+
+    def _by(self, held: Mask, stops: Mask, by: float, method: ListingMethod | None, first: FirstPhase | None) -> Answer:
+        """The probability of `held` at a time, of the chain that is stopped, from a first phase on if there is one."""
         chain, space = self.transitions.stopped(stops), stopped_in(self.space, stops)
-        return mean_at(chain, self.initial, held.astype(float), one_time("by", by), space, method).clipped()
+        ends = lambda start, time: mean_at(chain, start, held.astype(float), time, space, method)  # noqa: E731
+        if first is None:
+            return ends(self.initial, one_time("by", by)).clipped()
+        return first.then(ends, float(chain.exits.max(initial=0.0))).clipped()
 
     def _either_way(self, question: Callable[[Mask], Answer], certain: Mask, unsure: Mask) -> Answer:
         """The answer for the certain states, with an upper bound for the unsure ones as well."""

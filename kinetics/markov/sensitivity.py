@@ -29,7 +29,9 @@ from kinetics.markov.derivatives import (
     gradient_up_to,
 )
 from kinetics.markov.derivatives.squaring import MAX_SQUARED
+from kinetics.markov.first_phase import FirstPhase
 from kinetics.markov.network_questions import chain_to
+from kinetics.markov.passage.backward import LOST, expected_from_all
 from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import totals
@@ -96,17 +98,25 @@ class Sensitivity:
             self._shares[:] = [each[transitions.rows, transitions.columns] for each in tables]
         self._entries = ChannelEntries(transitions._replace(channels=np.arange(n_entries)), n_entries)
 
-    def until(self, target: Target, through: Target | None = None, by: float | None = None) -> Derivatives:
+    def until(
+        self, target: Target, through: Target | None = None, by: float | None = None, after: float = 0.0
+    ) -> Derivatives:
         """Derivatives of the answer of `Chain.until`."""
         goal = self._chain.states(target)
         ways = np.ones(len(goal), dtype=bool) if through is None else self._chain.states(through, "through")
+        if after:
+            answer = self._chain.until(target, through, by, after=after)
+            return self._of_interval(answer, goal, goal | ~ways, ways, (after, by))
         if by is None:
             return self._answer(lambda: gradient_until(self._entries, self._start, ways, goal), EQUATIONS)
         return _probability(self._at(goal[None, :].astype(float), by, stops=goal | ~ways)[0])
 
-    def always(self, states: Target, by: float | None = None) -> Derivatives:
+    def always(self, states: Target, by: float | None = None, after: float = 0.0) -> Derivatives:
         """Derivatives of the answer of `Chain.always`."""
         kept = self._chain.states(states)
+        if after:
+            answer = self._chain.always(states, by, after=after)
+            return self._of_interval(answer, kept, ~kept, np.ones_like(kept), (after, by))
         if by is None:
             return self._answer(lambda: gradient_always(self._entries, self._start, kept), EQUATIONS)
         return _probability(self._at(kept[None, :].astype(float), by, stops=~kept)[0])
@@ -220,17 +230,60 @@ class Sensitivity:
         """
         return self._at(values, at, max_seconds)
 
+    def _of_interval(
+        self, answer: Answer, held: Mask, stops: Mask, ways: Mask, interval: tuple[float, float | None]
+    ) -> Derivatives:
+        """Of the probability of `held` at the end of an interval, of the chain that stops in it; before, off the ways.
+
+        With p the distribution at its beginning and u the probability from each state there, the answer is p u, and
+        its derivative that of p at given u, by a first adjoint pass, and that of u at given p, by a second.
+        """
+        began, chain = time.process_time(), self._chain
+        truncated = np.zeros_like(ways)
+        first = FirstPhase.of(chain.transitions, self._start, ways, truncated, interval, chain.space)
+        later, wrong = expected_from_all(chain.transitions.stopped(stops), held.astype(float), first.length)
+        before = self._at(np.where(ways, later, 0.0)[None, :], interval[0], stops=~ways)[0]
+        within = self._at(held[None, :].astype(float), first.length, stops=stops, start=first.start)[0]
+        value = before.value + first.share * within.value
+        exits, length = float(chain.transitions.exits.max(initial=0.0)), first.length
+        missed = self._scores(interval[0], wrong, answer.high) + self._scores(length, first.error, 1.0)
+        missed = missed + self._scores(1.0, first.slip * (1.0 + 2.0 * length * exits)) + 2.0 * LOST * before.value.size
+        wide = before.high - before.value + first.share * (within.high - within.value) + missed
+        wide = 1.001 * wide + 8.0 * ROUNDOFF * (np.abs(before.value) + np.abs(within.value))
+        is_bound = answer.is_bound and before.is_bound and within.is_bound
+        return self._derivatives(Gradient(answer, value, wide, is_bound), before.method, time.process_time() - began)
+
+    def _scores(self, time: float, error: float, square: float = np.inf) -> Floats:
+        """What an error of values between 0 and 1 adds at most to a derivative by each parameter (P,), over a time.
+
+        Each firing changes their mean by twice the error at most. Or, by Cauchy and Schwarz, with `square` the mean of
+        their square: the mean square of the score of a path is that of its number of firings (see `at_a_time`).
+        """
+        rows, channels = self._entries.transitions.rows, self._entries.channels
+        places, inverse = np.unique(channels * len(self._chain) + rows, return_inverse=True)
+        fastest = np.zeros(self._entries.n_channels)
+        leaving = totals(inverse, self._entries.transitions.rates, places.size)
+        np.maximum.at(fastest, places // len(self._chain), leaving)
+        found = error * np.minimum(2.0 * fastest * time, np.sqrt(fastest * time * square))
+        return found if self._shares is None else np.asarray(np.abs(self._shares) @ found)
+
     def _at(
-        self, values: Floats, at: float, max_seconds: float | None = None, stops: Mask | None = None
+        self,
+        values: Floats,
+        at: float,
+        max_seconds: float | None = None,
+        stops: Mask | None = None,
+        start: Floats | None = None,
     ) -> list[Derivatives]:
-        """Of means at a time, of the chain that is stopped."""
+        """Of means at a time, of the chain that is stopped, from another start (N,) if one is given."""
         end, entries, space = one_time("time", at), self._entries, self._chain.space
+        start = self._start if start is None else start
         if stops is not None:
             entries = entries._replace(transitions=entries.transitions.stopped(stops))
             space = stopped_in(space, stops)
-        steps = steps_to(entries.transitions, self._start, values.sum(axis=0), end)
+        steps = steps_to(entries.transitions, start, values.sum(axis=0), end)
         if len(self._chain) <= MAX_SQUARED and steps > FEW_STEPS:
-            return self._answers(lambda: gradient_by_squaring(entries, self._start, values, end, space), SQUARING)
+            return self._answers(lambda: gradient_by_squaring(entries, start, values, end, space), SQUARING)
         seconds = steps * STEP_SECONDS * (entries.transitions.rates.size + len(self._chain)) * (1 + 3 * len(values))
         most = allowed(MAX_SECONDS) if max_seconds is None else max_seconds
         if seconds > most:
@@ -240,7 +293,7 @@ class Sensitivity:
                 f"copies"
             )
         forecast(seconds, f"derivatives by {rough(steps)} steps over {len(self._chain)} states")
-        return self._answers(lambda: gradient_at(entries, self._start, values, end), ADJOINT)
+        return self._answers(lambda: gradient_at(entries, start, values, end), ADJOINT)
 
     def _answer(self, question: Callable[[], Gradient], method: str) -> Derivatives:
         return self._answers(lambda: [question()], method)[0]

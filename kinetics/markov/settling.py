@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kinetics.markov.chain import Chain
 from kinetics.markov.observing import observing
-from kinetics.markov.queries import Query, Settled
+from kinetics.markov.questions.base import Question, Settled
 from kinetics.markov.state_enumeration import Condition, held
 from kinetics.markov.transient.search import MAX_STATES, TooManyStatesError
 from kinetics.network import Model
@@ -23,23 +23,23 @@ from kinetics.support.arrays import Ints
 
 
 def answering_chains(
-    queries: Sequence[Query],
+    questions: Sequence[Question],
     model: Model,
     stop: Condition | None = None,
     within: Condition | int | None = None,
     max_states: int = MAX_STATES,
 ) -> Iterator[tuple[Chain, list[int]]]:
-    """Chains of a model with its observables, each with the places of the queries that it answers.
+    """Chains of a model with its observables, each with the places of the questions that it answers.
 
     stop, within, max_states : as `Chain.of` has them
-    All queries have one chain where their answers are settled in the same states, or where all states can be listed;
+    All questions have one chain where their answers are settled in the same states, or where all states can be listed;
     else each kind has its own, which is made when the one before has answered.
 
     >>> from kinetics import Model, Network
-    >>> from kinetics.markov.queries import parse
+    >>> from kinetics.markov.questions import parse
     >>> growth = Model(Network.from_text("0 -> A, 1"))
-    >>> queries = [parse(f"P=? [ F<=2 A >= {n} ]") for n in (2, 5)]
-    >>> [(len(chain), places) for chain, places in answering_chains(queries, growth, max_states=100)]
+    >>> questions = [parse(f"P=? [ F<=2 A >= {n} ]") for n in (2, 5)]
+    >>> [(len(chain), places) for chain, places in answering_chains(questions, growth, max_states=100)]
     [(3, [0]), (6, [1])]
     """
 
@@ -61,8 +61,8 @@ def answering_chains(
         return observing(chain, model)
 
     alike: dict[Settled | None, list[int]] = {}
-    for place, query in enumerate(queries):
-        settled = query.settled
+    for place, question in enumerate(questions):
+        settled = question.settled
         alike.setdefault(None if settled and settled.names.intersection(whole) else settled, []).append(place)
     if len(alike) != 1:
         try:
@@ -71,7 +71,7 @@ def answering_chains(
             if None in alike or not alike:  # which needs all of them
                 raise
         else:
-            yield chain, list(range(len(queries)))
+            yield chain, list(range(len(questions)))
             return
     for settled, places in alike.items():
         yield chain_until(settled), places

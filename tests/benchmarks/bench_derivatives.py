@@ -18,7 +18,7 @@ import numpy as np
 
 from kinetics.assembly import RuleBook, derive
 from kinetics.markov import Chain, Sensitivity
-from kinetics.markov.queries import parse
+from kinetics.markov.questions import parse
 from kinetics.rates import Rates
 from kinetics.support.tables import text_table
 
@@ -44,8 +44,8 @@ def main(repeats: int) -> None:
     for cubes, stop, question in CASES:
         chain = Chain.of(network, {"monomer": cubes}, stop=stop or None)
         asked = parse(question)
-        answer_seconds, _ = timed(lambda chain=chain, asked=asked: asked.of(chain), repeats)
-        seconds, found = timed(lambda chain=chain, asked=asked: asked.of(Sensitivity(chain)), repeats)
+        answer_seconds, _ = timed(lambda chain=chain, asked=asked: asked.value(chain), repeats)
+        seconds, found = timed(lambda chain=chain, asked=asked: asked.derivatives(Sensitivity(chain)), repeats)
         difference_seconds, differences = timed(
             lambda cubes=cubes, stop=stop, asked=asked: by_differences(network, cubes, stop, asked), 1
         )
@@ -84,7 +84,7 @@ def by_differences(network: Any, cubes: int, stop: str, asked: Any) -> np.ndarra
             rates = np.array(network.known_rates, dtype=float)
             rates[r] *= factor
             chain = Chain.of(network.with_rates(rates), {"monomer": cubes}, stop=stop or None)
-            ends.append(asked.of(chain).value)
+            ends.append(asked.value(chain).value)
         found.append((ends[0] - ends[1]) / (2 * STEP))
     return np.array(found)
 

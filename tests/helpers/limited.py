@@ -65,7 +65,7 @@ def use(path):
 
 
 def _use_text(kind, text):
-    from kinetics.markov.queries import parse
+    from kinetics.markov.questions import parse
     from kinetics.network.laws import Expression
     from kinetics.network.laws.program import evaluate, steps_of
     from kinetics.network.predicates import StateNames

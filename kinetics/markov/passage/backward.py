@@ -48,6 +48,34 @@ def expected_integral(transitions: Transitions, start: Floats, values: Floats, t
     return BackwardPass(transitions, start, values).integral(time)
 
 
+def expected_from_all(transitions: Transitions, values: Floats, time: float) -> tuple[Floats, float]:
+    """Means (N,) of `values` (N,), between 0 and 1, at a time, tu, from every state; their relative error.
+
+    Numbers below 1e-300 are beyond it.
+
+    ValueError: too many steps
+    """
+    steps = steps_until(transitions, time)
+    if steps > MAX_STEPS:
+        raise ValueError(f"the chain is too stiff: {steps:.3g} steps until {time:g} tu, at most {MAX_STEPS}")
+    if time == 0.0 or not transitions.rates.any():
+        return values.copy(), 0.0
+    forecast(steps * STEP_SECONDS * (values.size + transitions.rates.size), f"{rough(steps)} steps back")
+    moves, stays, roundings = one_step(transitions)
+    mean = jump_rate(transitions) * time
+    first, weights = poisson_window(mean, LEFT_OUT)
+    now, found, n_steps = values.copy(), np.zeros(values.size), first + weights.size
+    for n in range(n_steps):
+        if n >= first:
+            found += weights[n - first] * now
+        now = moves @ now + stays * now
+    # as in `BackwardPass`: each step rounds, rates are wrong in jumps and waits, and weights are added up
+    jumps = n_steps + float(transitions.exits.max()) * time
+    relative = n_steps * roundings + jumps * (transitions.roundings + 1.0) + 2.0 * weights.size + 4.0
+    wrong = np.expm1(ROUNDOFF * relative) + float(weights_errors(mean, first, weights.size).max())
+    return found, 1.01 * float(wrong)
+
+
 class BackwardPass:
     """Means of `values` (N,), none negative, from a start (N,) at any times; the pass goes on where a time needs more.
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinetics.markov.chain import Chain
-from kinetics.markov.observing import observing, reward_rates
-from kinetics.markov.queries import AlwaysQuery, Query, RewardQuery, StationaryQuery, UntilQuery, parse
+from kinetics.markov.observing import observing
+from kinetics.markov.questions import Question, parse
 from kinetics.markov.transient.search import TooManyStatesError
 from kinetics.network import Model
 from kinetics.network.network import is_homogeneous
@@ -36,7 +36,7 @@ class ScanRequest:
     seed: int
 
     @property
-    def queries(self) -> list[tuple[str, Query]]:
+    def queries(self) -> list[tuple[str, Question]]:
         """Every question with what it was read as."""
         return [(question, parse(question)) for question in self.questions]
 
@@ -63,24 +63,12 @@ def answers_at(model: Model, asked: ScanRequest, point: Mapping[str, float]) -> 
 
 def check_asked(model: Model, asked: ScanRequest) -> None:
     """A ValueError for what no point can answer: names that there are not, or no end where all are sampled."""
-    counts = np.asarray(model.initial)[np.newaxis]
-    names = state_names(model, counts)
     for question, query in asked.queries:
         if not asked.max_states:
             check_ends(question, query)
-        match query:
-            case UntilQuery(target, through):
-                conditions = [target, through]
-            case AlwaysQuery(states) | StationaryQuery(states):
-                conditions = [states]
-            case RewardQuery(name, until=until):
-                reward_rates(model, name, counts)
-                conditions = [until]
-        for condition in conditions:
-            if condition is not None:
-                names.holds(condition)
+        query.check(model)
     if isinstance(asked.within, str):
-        names.holds(asked.within)
+        state_names(model, np.asarray(model.initial)[np.newaxis]).holds(asked.within)
 
 
 def _exact(model: Model, asked: ScanRequest) -> list[Answer] | None:
@@ -97,7 +85,7 @@ def _exact(model: Model, asked: ScanRequest) -> list[Answer] | None:
     found = []
     for _, query in asked.queries:
         try:
-            answer = query.of(chain)
+            answer = query.value(chain)
             found.append(replace(answer, cpu_seconds=answer.cpu_seconds + listed))
         except ValueError as error:
             found.append(Answer.none(str(error)))

@@ -35,7 +35,7 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print one JS
 
 
 def _part(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | int | None:
-    """A number of states where it is one, else a condition."""
+    """A number of states if it is one, else a condition."""
     return int(value) if value is not None and value.strip().isdigit() else value
 
 
@@ -228,7 +228,7 @@ def time_grid(duration: float | None, times: tuple[float, ...]) -> Floats:
 
 
 def echo_json(data: dict[str, Any]) -> None:
-    """One JSON object on standard output; arrays become lists, and what is not finite becomes null."""
+    """Print one JSON object; arrays become lists, and numbers that are not finite become null."""
     click.echo(json.dumps(plain(data), allow_nan=False))
 
 
@@ -254,7 +254,7 @@ def _is_number(word: str) -> bool:
 
 
 class ModelOptions(NamedTuple):
-    """What the command line says about a model: rule book or network file, rates, counts at time 0, tank."""
+    """The model options of a command: rule book or network file, rates, counts at time 0, tank."""
 
     source: str
     rates_name: str | None = None

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 from kinetics.markov import Chain, Sensitivity
-from kinetics.markov.queries import parse
+from kinetics.markov.questions import parse
 
 QUESTIONS = (
     "P=? [ F<=100 quadmer >= 1 ]",
@@ -41,7 +41,7 @@ def difference(model, initial, question, channel, step=2e-3):
     def answer(x):
         rates = np.array(model.known_rates, dtype=float)
         rates[channel] *= np.exp(x)
-        return parse(question).of(Chain.of(model.with_rates(rates), initial)).value
+        return parse(question).value(Chain.of(model.with_rates(rates), initial)).value
 
     one, two, four = ((answer(k * step) - answer(-k * step)) / (2 * k * step) for k in (1, 2, 4))
     once, again = (4 * one - two) / 3, (4 * two - four) / 3
@@ -49,12 +49,12 @@ def difference(model, initial, question, channel, step=2e-3):
 
 
 def assert_differences(model, initial, question):
-    found = parse(question).of(Sensitivity(Chain.of(model, initial)))
+    found = parse(question).derivatives(Sensitivity(Chain.of(model, initial)))
     expected = [difference(model, initial, question, r) for r in range(len(model.channels))]
     # a difference over 4e-3 of what is known to some 1e-14 of the answer
     atol = 1e-11 * abs(found.answer.value)
     assert_allclose(found.value, expected, rtol=1e-6, atol=atol, err_msg=question)
-    assert found.answer.value == pytest.approx(parse(question).of(Chain.of(model, initial)).value, rel=1e-12)
+    assert found.answer.value == pytest.approx(parse(question).value(Chain.of(model, initial)).value, rel=1e-12)
     # the control: the derivatives of two channels exchanged
     assert np.abs(found.value - np.roll(expected, 1)).max() > 1e-3 * np.abs(expected).max()
 

@@ -4,7 +4,7 @@ import pytest
 
 from kinetics.formats import blocks, read, sbmlfile
 from kinetics.markov.explicit_files import read_explicit
-from kinetics.markov.queries import parse
+from kinetics.markov.questions import parse
 from kinetics.support import limits
 
 NET = """begin species

@@ -5,29 +5,36 @@ import pytest
 
 from kinetics import Chain, Network
 from kinetics.markov import ask
-from kinetics.markov.queries import AlwaysQuery, RewardQuery, StationaryQuery, UntilQuery, parse
+from kinetics.markov.questions import parse
+from kinetics.markov.questions.always import AlwaysQuestion
+from kinetics.markov.questions.reward import RewardQuestion
+from kinetics.markov.questions.steady_state import SteadyStateQuestion
+from kinetics.markov.questions.until import UntilQuestion
 
 
 @pytest.mark.parametrize(
     ("text", "query"),
     [
-        ("P=? [ F<=100 quadmer >= 1 ]", UntilQuery("quadmer >= 1", None, 100.0)),
-        ("P=?[F quadmer>=1]", UntilQuery("quadmer>=1")),
-        ("P = ? [ F<1e-3 a = 1 ]", UntilQuery("a = 1", None, 1e-3)),
-        ("P=? [ a > 0 U b = 3 ]", UntilQuery("b = 3", "a > 0")),
-        ("P=? [ (a > 0 | b < 2) U<=2.5 b = 3 ]", UntilQuery("b = 3", "(a > 0 | b < 2)", 2.5)),
-        ('P=? [ true U "U" ]', UntilQuery('"U"', "true")),
-        ("P=? [ G<=7 Up < 3 ]", AlwaysQuery("Up < 3", 7.0)),
-        ("P=? [ G x = 0 ]", AlwaysQuery("x = 0")),
-        ("S=? [ x = 0 ]", StationaryQuery("x = 0")),
-        ('R{"dimer"}=? [ I=50 ]', RewardQuery("dimer", at=50.0)),
-        ("R=? [ C<=50 ]", RewardQuery(up_to=50.0)),
-        ('R{"a b"}=? [ F x = 0 ]', RewardQuery("a b", until="x = 0")),
-        ('R{"r"}=? [ S ]', RewardQuery("r")),
-        ("E[AB] @ 100", RewardQuery("AB", at=100.0)),
-        ('E [ "a b" ]@1e-3', RewardQuery("a b", at=1e-3)),
-        ("E[A(x,y)] @ 0", RewardQuery("A(x,y)", at=0.0)),
-        ("P=? [ Fish >= 1 U Good ]", UntilQuery("Good", "Fish >= 1")),
+        ("P=? [ F<=100 quadmer >= 1 ]", UntilQuestion("quadmer >= 1", None, 100.0)),
+        ("P=?[F quadmer>=1]", UntilQuestion("quadmer>=1")),
+        ("P = ? [ F<1e-3 a = 1 ]", UntilQuestion("a = 1", None, 1e-3)),
+        ("P=? [ F[2,5] a = 1 ]", UntilQuestion("a = 1", None, 5.0, 2.0)),
+        ("P=? [ a > 0 U [ 2 , 5 ] b = 3 ]", UntilQuestion("b = 3", "a > 0", 5.0, 2.0)),
+        ("P=? [ G[0,5] a = 1 ]", AlwaysQuestion("a = 1", 5.0)),
+        ("P=? [ a > 0 U b = 3 ]", UntilQuestion("b = 3", "a > 0")),
+        ("P=? [ (a > 0 | b < 2) U<=2.5 b = 3 ]", UntilQuestion("b = 3", "(a > 0 | b < 2)", 2.5)),
+        ('P=? [ true U "U" ]', UntilQuestion('"U"', "true")),
+        ("P=? [ G<=7 Up < 3 ]", AlwaysQuestion("Up < 3", 7.0)),
+        ("P=? [ G x = 0 ]", AlwaysQuestion("x = 0")),
+        ("S=? [ x = 0 ]", SteadyStateQuestion("x = 0")),
+        ('R{"dimer"}=? [ I=50 ]', RewardQuestion("dimer", at=50.0)),
+        ("R=? [ C<=50 ]", RewardQuestion(up_to=50.0)),
+        ('R{"a b"}=? [ F x = 0 ]', RewardQuestion("a b", until="x = 0")),
+        ('R{"r"}=? [ S ]', RewardQuestion("r")),
+        ("E[AB] @ 100", RewardQuestion("AB", at=100.0)),
+        ('E [ "a b" ]@1e-3', RewardQuestion("a b", at=1e-3)),
+        ("E[A(x,y)] @ 0", RewardQuestion("A(x,y)", at=0.0)),
+        ("P=? [ Fish >= 1 U Good ]", UntilQuestion("Good", "Fish >= 1")),
     ],
 )
 def test_what_is_read(text, query):
@@ -41,17 +48,18 @@ def test_what_is_read(text, query):
         ("P>0.5 [ F x = 0 ]", "cannot read the question"),
         ("P=? [ ]", "nothing is asked for"),
         ("P=? [ F x = 0", "cannot read the question"),
-        ("P=? [ x = 0 ]", "0 times U where one is expected"),
+        ("P=? [ x = 0 ]", "; expected P="),
         ("P=? [ x = 0 U y = 0 U z = 0 ]", "2 times U"),
         ("P=? [ U x = 0 ]", "nothing stands before U"),
         ("P=? [ x = 0 U<=3 ]", "a condition is missing"),
         ("P=? [ F<=-1 x = 0 ]", "time -1; expected a finite number of at least 0"),
         ("P=? [ F<=nan x = 0 ]", "time nan"),
         ("P=? [ F<=soon x = 0 ]", "'soon' is no time"),
-        ("P=? [ F>=3 x = 0 ]", "only <= t is answered"),
-        ("P=? [ F[1,2] x = 0 ]", "only <= t is answered"),
+        ("P=? [ F>=3 x = 0 ]", "only <= t and [a, b] are answered"),
+        ("P=? [ F[2,1] x = 0 ]", "with a <= b"),
+        ("P=? [ F[1,2 x = 0 ]", "only <= t and [a, b] are answered"),
         ('P{"r"}=? [ F x = 0 ]', "only R takes a reward's name"),
-        ("R=? [ x = 0 ]", "no question of a reward"),
+        ("R=? [ x = 0 ]", "; expected P="),
         ("R=? [ I<=3 ]", "expected I=t"),
         ("R=? [ C=3 ]", "expected C<=t"),
         ("R=? [ C<=3 x ]", "expected C<=t"),

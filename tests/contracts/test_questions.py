@@ -1,0 +1,112 @@
+"""What every kind of question to a chain must do, so that a new one is tested by its line in `QUESTIONS`."""
+
+import re
+
+import numpy as np
+import pytest
+
+from kinetics import Chain, Model, Network, Sensitivity
+from kinetics.markov import questions
+from kinetics.markov.observing import observing
+from kinetics.markov.questions import QUESTIONS, ask, parse
+from kinetics.markov.questions.always import AlwaysQuestion
+from kinetics.markov.questions.base import PROBABILITY
+from kinetics.markov.settling import answering_chains
+from kinetics.predicting.scanning import scan
+from kinetics.predicting.scanning.sampled import sampled_answers
+from kinetics.support.intervals import binomial_limits, student_quantile
+
+RATES, RUNS, FALSE_ALARM = (2.0, 3.0), 1500, 1e-6
+EXAMPLES = [(kind, text) for kind in QUESTIONS for text in kind.examples]
+each = pytest.mark.parametrize(("kind", "text"), EXAMPLES, ids=[text for _, text in EXAMPLES])
+
+
+def model_of(rates=RATES):
+    return Model(Network.from_text("A <-> B, {}, {}".format(*rates)), {"A": 3}, {"both": {"A": 1, "B": 1}})
+
+
+def chain_of(rates=RATES):
+    model = model_of(rates)
+    return observing(Chain.of(model), model)
+
+
+@each
+def test_a_text_is_read_by_its_kind_alone(kind, text):
+    found = parse(text)
+    assert type(found) is kind
+    assert found == parse(f"  {text} ")
+    assert len({found, parse(text)}) == 1
+    assert sum(other.read(questions.framed(text, "")) is not None for other in QUESTIONS) == 1
+    with pytest.raises(ValueError, match=re.escape(kind.forms[0])):
+        parse("Z=? [ A ]")
+
+
+@each
+def test_the_value_has_proven_bounds_and_names_are_checked(kind, text):
+    answer = ask(chain_of(), text)
+    assert answer.is_bound
+    assert answer.low <= answer.value <= answer.high
+    assert answer.high - answer.low <= 1e-9 * max(answer.value, 1e-3)
+    parse(text).check(model_of())
+    other = Model(Network.from_text("X <-> Y, 2, 3"), {"X": 3})
+    with pytest.raises(ValueError, match=r"unknown|no reward"):
+        parse(text.replace('"time"', '"tim"')).check(other)
+
+
+@each
+def test_derivatives_are_those_of_differences(kind, text):
+    found = parse(text).derivatives(Sensitivity(chain_of()))
+    assert found.answer.value == pytest.approx(ask(chain_of(), text).value, rel=1e-9)
+    step = 1e-4
+    for i in range(2):
+        ends = [ask(chain_of(np.array(RATES) * np.exp(step * sign * np.eye(2)[i])), text).value for sign in (1, -1)]
+        assert found.value[i] == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-5, abs=1e-7)
+        assert found.low[i] <= found.value[i] <= found.high[i]
+
+
+@each
+def test_a_chain_that_stops_where_the_answer_is_settled_has_the_same(kind, text):
+    (pair,) = answering_chains([parse(text)], model_of())
+    assert parse(text).value(pair[0]).value == pytest.approx(ask(chain_of(), text).value, rel=1e-12)
+
+
+@each
+def test_runs_agree(kind, text):
+    question = parse(text)
+    (found,) = sampled_answers(model_of(), [(text, question)], RUNS, seed=1)
+    if question.sampling is None:
+        assert "cannot be sampled" in found.why
+        return
+
+    def covers(value):
+        if question.counts_as == PROBABILITY:
+            low, high = binomial_limits(found.value * RUNS, RUNS, 1 - FALSE_ALARM)
+            return low <= value <= high
+        wide = (found.high - found.value) / student_quantile(RUNS - 1, 0.95)
+        wide = np.nan_to_num(wide) * student_quantile(RUNS - 1, 1 - FALSE_ALARM)
+        return abs(value - found.value) <= wide + 1e-12  # all runs may be alike
+
+    assert covers(ask(chain_of(), text).value)
+    other = ask(chain_of((8.0, 3.0)), text).value
+    assert other == pytest.approx(ask(chain_of(), text).value) or not covers(other)  # the control
+
+
+def test_a_new_kind_takes_a_class_and_a_place_in_the_tuple(monkeypatch):
+    class Never(AlwaysQuestion):
+        forms = ("P=? [ N<=t phi ]",)
+
+        @classmethod
+        def read(cls, asked):
+            return cls(f"!({asked.inner[5:]})", 0.2) if asked.begins_with("N") else None
+
+    with pytest.raises(ValueError, match="cannot read"):
+        parse("P=? [ N<=0.2 B >= 2 ]")
+    monkeypatch.setattr(questions, "QUESTIONS", (*QUESTIONS, Never))
+    text = "P=? [ N<=.2 B >= 2 ]"
+    exact = ask(chain_of(), "P=? [ G<=0.2 B < 2 ]").value
+    assert ask(chain_of(), text).value == exact
+    assert scan(model_of(), {"A": [3]}, text).answers[0][0].value == exact
+    (sampled,) = scan(model_of(), {"A": [3]}, text, max_states=0, runs=500).answers[0]
+    assert sampled.low < exact < sampled.high
+    with pytest.raises(ValueError, match="N<=t phi"):
+        parse("Z=? [ A ]")
