@@ -18,7 +18,7 @@ from calibration.commands.shared import (
     seed_option,
 )
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option
+from kinetics.support.cli.options import HEADING, NumbersCommand, echo_json, heading, in_a_folder, json_option
 from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, is_filled, or_study_folder
 from mechsim.commands.options import run_options
 
@@ -78,24 +78,28 @@ if TYPE_CHECKING:
     help="Rates of channels, for the network of this book, or of rate classes, for any book.  [default: class for a "
     "book that grows from a seed, else channel]",
 )
+@heading("For rates by class")
 @click.option(
     "--pool",
     multiple=True,
     metavar="SCENE|PLAN",
-    help="For rates by class: one more scene or plan whose runs are pooled; may be repeated.",
+    help="One more scene or plan whose runs are pooled; may be repeated.",
 )
 @click.option(
     "--group-by",
     type=click.Choice(["auto", "event", "touched", "faces", "sizes"]),
     default="auto",
     show_default=True,
-    help="For rates by class: what the classes of one constant have in common. It is the event alone, also the "
+    help="What the classes of one constant have in common. It is the event alone, also the "
     "number of cubes that a place touches, also the faces, or also the sizes; auto lets the runs choose, of joins and "
     "of breaks.",
 )
+@heading("For events that others observed")
 @events_options
-@report_option
+@heading("How runs are made")
 @run_options
+@heading(HEADING)
+@report_option
 @seed_option(1)
 @json_option
 def calibrate(
