@@ -9,7 +9,11 @@ from functools import partial
 
 import click
 import pytest
+from click.testing import CliRunner
 from command_tree import commands
+
+from kinetics.support.cli.options import FILES, RULES
+from wellmixed import main
 
 TREE = dict(commands())
 LEAVES = {name: command for name, command in TREE.items() if not isinstance(command, click.Group)}
@@ -108,3 +112,24 @@ def imported(code: str) -> list[str]:
 
 def has(command: click.Command, name: str) -> bool:
     return any(name in parameter.opts for parameter in command.params)
+
+
+def shown(*words):
+    """The lines of a help text, 80 columns wide."""
+    return CliRunner().invoke(main, [*words, "--help"], terminal_width=80).output.splitlines()
+
+
+def test_the_commands_stand_in_the_order_of_the_work():
+    lines = shown()
+    names = [line.split()[0] for line in lines[lines.index("Commands:") + 1 :]]
+    assert names[:5] == ["demo", "new", "simulate", "calibrate", "validate"]
+    assert names[5:] == ["predict", "ask", "passage", "scan", "rules", "study", "runs", "trust"]
+
+
+def test_options_for_some_models_alone_stand_under_headings_of_their_own():
+    lines = shown("predict")
+    assert len(lines) <= 100
+    places = [lines.index(f"{title}:") for title in ("Options", RULES, FILES)]
+    options = ["--method", "--seed", "--cubes", "--posterior-draws", "--set"]
+    found = [next(i for i, line in enumerate(lines) if line.startswith(f"  {option} ")) for option in options]
+    assert places[0] < found[0] < found[1] < places[1] < found[2] < found[3] < places[2] < found[4]

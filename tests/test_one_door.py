@@ -196,7 +196,7 @@ READS_OWN = {
     "mechsim/inspection/pictures/movie.py": "a film that ffmpeg made in a folder of ours",
     "kinetics/support/output.py": "the door of the writers, which looks at the end of a line",
     "mechsim/world/engines/pybullet_engine.py": "the null device",
-    "calibration/watched/tables.py": "Parquet, which pyarrow reads",
+    "calibration/observed/tables.py": "Parquet, which pyarrow reads",
 }
 READ = {
     *("read_text", "read_bytes", "fromfile", "genfromtxt", "memmap", "open_memmap", "readSBML", "readSBMLFromFile"),

@@ -120,7 +120,7 @@ class Structure:
         ]
 
     def sides(self, i: int, j: int) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
-        """The cubes on i's and on j's side of their bond; None where a loop holds the sides together."""
+        """The cubes on i's and on j's side of their bond; None if a loop holds the sides together."""
         if j not in self._adjacent[i]:
             raise ValueError(f"cubes {i} and {j} do not touch; bonds are {self.bonds}")
         near = self._reach(i, without=j)
@@ -137,23 +137,23 @@ class Structure:
         )
 
     def moved(self, placement: Placement) -> Structure:
-        """The same structure, placed in another lattice."""
+        """A copy placed in another lattice."""
         turn = _COMPOSE[placement.rotation]
         places = tuple(placement.of(position) for position in self.positions)
         return Structure.unchecked(places, tuple(turn[rotation] for rotation in self.rotations), self.letters)
 
     def turned(self, rotation: int) -> Structure:
-        """The same structure turned about the lattice's origin; rotation is an index into ROTATIONS."""
+        """A copy turned about the lattice's origin; rotation is an index into ROTATIONS."""
         return self.moved(Placement(rotation, (0, 0, 0)))
 
     def reordered(self, cubes: Sequence[int]) -> Structure:
-        """The same structure with its cubes numbered in another order."""
+        """A copy with its cubes numbered in another order."""
         columns = zip(*((self.positions[c], self.rotations[c], self.letters[c]) for c in cubes), strict=True)
         positions, rotations, letters = columns
         return Structure.unchecked(positions, rotations, letters)
 
     def with_letters(self, letters: Sequence[str]) -> Structure:
-        """The same cubes with other letters."""
+        """A copy with other letters."""
         changed = Structure.unchecked(self.positions, self.rotations, tuple(letters))
         for cached in ("places", "_adjacent"):  # the same as before
             if cached in self.__dict__:

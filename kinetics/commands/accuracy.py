@@ -9,6 +9,7 @@ from kinetics.commands.models import applied, conditions, described
 from kinetics.support.cli.failures import INTERRUPTED
 from kinetics.support.cli.options import (
     DURATION,
+    HeadedCommand,
     ModelOptions,
     csv_option,
     echo_json,
@@ -23,7 +24,7 @@ from kinetics.support.output import write_whole
 TIMES = 101  # at which distributions are compared
 
 
-@click.command()
+@click.command(cls=HeadedCommand)
 @model_options
 @click.option(
     "--duration",

@@ -10,6 +10,7 @@ import numpy as np
 
 from kinetics.commands.models import applied, described, instead_of_many_states
 from kinetics.support.cli.options import (
+    HeadedCommand,
     ModelOptions,
     budget_option,
     echo_json,
@@ -36,7 +37,7 @@ INSTEAD = (
 )
 
 
-@click.command()
+@click.command(cls=HeadedCommand)
 @model_options
 @click.argument("questions", metavar="QUESTION...", nargs=-1)
 @click.option(

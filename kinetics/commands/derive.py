@@ -11,6 +11,7 @@ from kinetics.network import Model
 from kinetics.network.network import channel_rows
 from kinetics.rates.breaks import BREAK_MODELS, Expansion, break_model
 from kinetics.support.cli.options import (
+    HeadedCommand,
     ModelOptions,
     OptionToldLate,
     echo_json,
@@ -29,7 +30,7 @@ def _about_out() -> str:
     return f"Write the network to this file, in the format of its suffix: {', '.join(WRITTEN)}."
 
 
-@click.command()
+@click.command(cls=HeadedCommand)
 @model_options
 @click.option(
     "--out",

@@ -13,9 +13,13 @@ from kinetics.commands.models import applied, conditions, described, instead_of_
 from kinetics.network.sums import Counted, in_words, summed
 from kinetics.support.answer import CONFIDENCE, Answer, kind_of
 from kinetics.support.cli.options import (
+    HEADING,
+    RULES,
+    HeadedCommand,
     ModelOptions,
     budget_option,
     echo_json,
+    heading,
     json_option,
     model_options,
     plot_option,
@@ -39,7 +43,7 @@ INSTEAD = (
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
 
-@click.command()
+@click.command(cls=HeadedCommand)
 @model_options
 @click.option(
     "--species", metavar="SPECIES", required=True, help="The species to wait for, or an observable of the network file."
@@ -52,6 +56,7 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     show_default=True,
     help="Number of its copies to wait for.",
 )
+@heading(RULES)
 @click.option(
     "--method",
     type=click.Choice(["solve", "ssa"]),
@@ -83,6 +88,7 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     show_default=True,
     help="Number of draws of the rates from which the interval is made.",
 )
+@heading(HEADING)
 @truncate_option
 @click.option(
     "--sensitivity",

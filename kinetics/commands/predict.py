@@ -15,11 +15,14 @@ from kinetics.commands.models import conditions, described, instead_of_many_stat
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
+    HEADING,
+    RULES,
     ModelOptions,
     NumbersCommand,
     budget_option,
     csv_option,
     echo_json,
+    heading,
     json_option,
     model_options,
     picture_of,
@@ -87,6 +90,7 @@ INSTEAD = (
     type=click.IntRange(min=1),
     help="Largest number of threads used.  [default: one per core]",
 )
+@heading(RULES)
 @click.option(
     "--posterior-draws",
     "draws",
@@ -94,7 +98,7 @@ INSTEAD = (
     type=click.IntRange(min=2),
     default=200,
     show_default=True,
-    help="Least number of draws of the rates, over which runs are spread and from which the interval is made.",
+    help="Least number of draws of the rates, for the runs and for the interval.",
 )
 @click.option(
     "--elasticity", "with_elasticity", is_flag=True, help="Say what each parameter of the rates does to the last means."
@@ -107,6 +111,7 @@ INSTEAD = (
     callback=picture_of,
     help="Write bars of these elasticities to this PNG, PDF or SVG file; may be repeated.",
 )
+@heading(HEADING)
 @csv_option
 @plot_option
 @seed_option

@@ -7,6 +7,7 @@ import click
 from kinetics.commands.models import applied, conditions, described, is_network_file, remarks
 from kinetics.support.cli.failures import CHECKED, INTERRUPTED, keep
 from kinetics.support.cli.options import (
+    HeadedCommand,
     ModelOptions,
     budget_option,
     csv_option,
@@ -22,7 +23,7 @@ from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
 
 
-@click.command()
+@click.command(cls=HeadedCommand)
 @model_options
 @click.option(
     "--over",

@@ -32,7 +32,7 @@ WRITTEN = tuple(suffix for kind in FORMATS if kind.is_written for suffix in kind
 def read(path: str | Path, copies_per_unit: float | None = None) -> Model:
     """Read the model in a network file, whose suffix gives the format.
 
-    copies_per_unit : how many copies one unit of the file's amounts is; None where it is one. The rate equations stay
+    copies_per_unit : how many copies one unit of the file's amounts is; None if it is one. The rate equations stay
         what they are, and the noise is that of so many copies.
     ValueError: there is no such file, its suffix is not known, or it is damaged
 

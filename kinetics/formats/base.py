@@ -32,14 +32,14 @@ class Format(ABC):
 
     @abstractmethod
     def read(self, path: Path, copies_per_unit: float | None = None) -> Model:
-        """The file's model; a ValueError that names the file, and the line if there is one, where it is damaged.
+        """The file's model; a ValueError that names the file, and the line if there is one, if it is damaged.
 
-        copies_per_unit : how many copies one unit of the file's amounts is; None where it is one, and fractions of a
+        copies_per_unit : how many copies one unit of the file's amounts is; None if it is one, and fractions of a
             copy are a mistake
         """
 
     def model(self, path: Path, copies_per_unit: float | None = None) -> Model:
-        """`read`, and a ValueError where a name holds characters that cannot be seen."""
+        """`read`, and ValueError if a name holds characters that cannot be seen."""
         model = self.read(path, copies_per_unit)
         network = model.network
         names = (*network.species, *network.channels, *network.given.given, *model.observables, *model.formulas)
@@ -48,6 +48,6 @@ class Format(ABC):
         return model
 
     def text(self, model: Model) -> str:
-        """The text of a file for a model; a ValueError where the format cannot hold all of it."""
+        """The text of a file for a model; ValueError if the format cannot hold all of it."""
         sizes = f"{len(model.network.species)} species and {len(model.network.channels)} channels"
         raise ValueError(f"files of the format {self.name!r} are read, not written; write the {sizes} in another one")

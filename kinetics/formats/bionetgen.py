@@ -253,7 +253,7 @@ class _NetReader:
         return graph.all_of(Code.ADD, terms or [graph.number(0.0)])
 
     def _rates(self, lines: list[Line]) -> tuple[Floats, Floats]:
-        """Ways and rate constant of every reaction; 1 where a rate law takes the constant's place."""
+        """Ways and rate constant of every reaction; 1 if a rate law takes the constant's place."""
         known: dict[str, tuple[float, float]] = {}
         found = []
         for line in lines:

@@ -32,7 +32,7 @@ class Line(NamedTuple):
 
 
 def blocks_of(path: Path, text: str) -> dict[str, list[Line]]:
-    """The lines of every block that is read; a ValueError with the line number where the file is damaged."""
+    """The lines of every block that is read; a ValueError with the line number if the file is damaged."""
     blocks: dict[str, list[Line]] = {}
     inside: str | None = None
     began = 0
@@ -77,7 +77,7 @@ def _open_block(inside: str | None, began: int) -> str:
 
 
 def _check_outside(path: Path, number: int, text: str) -> None:
-    """Only settings that leave the network as it is may stand between blocks."""
+    """ValueError unless a line between blocks is a setting that leaves the network as it is."""
     if re.fullmatch(r'substanceUnits\("Number"\);?|(setOption|version)\(.*\);?', text):
         return
     raise ValueError(f"{path}, line {number}: {text[:80]!r} outside any block is not read; leave it out of the file")

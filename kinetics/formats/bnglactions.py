@@ -1,4 +1,4 @@
-"""What stands outside the blocks of a BNGL file: options and actions, honoured, left aside or refused by their name.
+"""Options and actions outside the blocks of a BNGL file: obeyed, ignored or refused by name.
 
 The network is that of the model as it stands at its first action that generates or simulates it. What an action says is
 read as Perl's numbers, texts, lists and hashes, and written anew; nothing else of it reaches BioNetGen.
@@ -145,7 +145,7 @@ def _number(line: BnglLine, name: str, value: Value) -> str:
 
 
 def _values(line: BnglLine, close: str, depth: int = 0) -> list[Value]:
-    """What stands up to a closing bracket: values with commas, or with `=>` between names and values."""
+    """Arguments up to a closing bracket: values with commas, or name => value."""
     found: list[Value] = []
     while not line.take(rf"[{BLANKS}]*\{close}"):
         line.take(f"[{BLANKS}]*")

@@ -21,7 +21,7 @@ NOTHING = rf"0(?=$|[{BLANKS}+,]|<?->)"
 
 
 def label(line: BnglLine, is_kept: bool = False) -> str:
-    """A label or a number before what the line says, which only rules keep."""
+    """A label or number at the start of a line; only rules keep it."""
     if found := line.take(rf"{NAME}{GAP}:(?!:){GAP}" if is_kept else rf"{NAME}{GAP}:[{BLANKS}]+"):
         kept = f"{found.rstrip(BLANKS + ':')}: "
     else:

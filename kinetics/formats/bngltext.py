@@ -38,24 +38,24 @@ class BnglLine:
         return ValueError(f"{self.path}, line {self.number}: {fault}")
 
     def unreadable(self, expected: str) -> ValueError:
-        """What came instead of what was expected."""
+        """ValueError with the expected and the given text."""
         rest = self.text[self.place : self.place + 80].strip(BLANKS)
         return self.wrong(f"{rest[:40]!r} came; expected {expected}" if rest else f"the line ends; expected {expected}")
 
     def take(self, pattern: str) -> str:
-        """What stands here, if it is of the pattern; else nothing."""
+        """The text here if it matches the pattern; else ""."""
         found = re.compile(pattern, re.ASCII).match(self.text, self.place)
         self.place = found.end() if found else self.place
         return found[0] if found else ""
 
     def need(self, pattern: str, expected: str) -> str:
-        """What stands here, which must be of the pattern."""
+        """The text here, which must match the pattern."""
         if not re.compile(pattern, re.ASCII).match(self.text, self.place):
             raise self.unreadable(expected)
         return self.take(pattern)
 
     def blank(self) -> bool:
-        """Whether blanks, or the end, stand here; they are read."""
+        """Skip blanks; whether there were any, or the line ends here."""
         return bool(self.take(f"[{BLANKS}]+")) or self.at_end
 
     @property
@@ -64,18 +64,18 @@ class BnglLine:
         return self.place >= len(self.text)
 
     def end(self) -> None:
-        """A ValueError where more stands in the line."""
+        """ValueError if more stands in the line."""
         if not self.at_end:
             raise self.unreadable("the end of the line")
 
     def refuse_names(self) -> None:
-        """A ValueError where a name stands that BioNetGen reads a file for, or leaves out of the network."""
+        """ValueError if a name stands that BioNetGen reads a file for, or leaves out of the network."""
         found = re.compile(NAME, re.ASCII).match(self.text, self.place)
         if found and (why := REFUSED.get(found[0].lower())):
             raise self.wrong(why)
 
     def expression(self) -> str:
-        """An expression without its blanks: numbers, names, calls, operators, parentheses. It ends where none fits."""
+        """An expression without its blanks: numbers, names, calls, operators, parentheses. It ends if none fits."""
         pieces: list[str] = []
         open_parts: list[bool] = []  # of every parenthesis: whether it holds the arguments of a call
         while True:

@@ -55,7 +55,7 @@ def _tried(law: Expression, missing: Collection[str]) -> Iterator[Floats]:
 
 
 def bounds_of(law: Expression, least: Mapping[str, int]) -> list[Bounds]:
-    """Least and largest value of each node of a law, where there are `least` copies of each species."""
+    """Least and largest value of each node of a law, if there are `least` copies of each species."""
     formula, known = law.formula, known_numbers(law)
     bounds: list[Bounds] = []
     for place, (code, parts, value) in enumerate(formula):
@@ -74,7 +74,7 @@ def bounds_of(law: Expression, least: Mapping[str, int]) -> list[Bounds]:
 
 
 def directions_of(law: Expression) -> tuple[Expression | None, Expression | None] | None:
-    """Two parts that are proven to be at least 0 and whose difference is the law; None where its form shows none.
+    """Two parts that are proven to be at least 0 and whose difference is the law; None if its form shows none.
 
     A part that is 0 everywhere is None. Sums are taken apart, also inside products, quotients and pieces:
     V * (kf * A - kr * B) / (1 + A) gives V * kf * A / (1 + A) and V * kr * B / (1 + A).
@@ -102,7 +102,7 @@ class _Directions:
         return self.found[-1]
 
     def _parts(self, place: int) -> Parts | None:
-        """Two parts of at least 0 each whose difference is the node; None where there are none to be seen."""
+        """Two parts of at least 0 each whose difference is the node; None if there are none to be seen."""
         low, high = self.bounds[place]
         if low >= 0:
             return None if low == high == 0 else self.copies[place], None
@@ -139,7 +139,7 @@ class _Directions:
         return self._both(Code.DIVIDE, more, divisor), self._both(Code.DIVIDE, less, divisor)
 
     def _negative(self, place: int) -> int:
-        """As a factor, so that mass action is still seen."""
+        """Minus a node, as a factor, so that mass action is still recognised."""
         return self.graph.add(Code.MULTIPLY, (self.graph.number(-1.0), self.copies[place]))
 
     def _both(self, code: Code, one: int | None, other: int | None) -> int | None:
@@ -216,7 +216,7 @@ def _times(one: Bounds, other: Bounds) -> Bounds:
 
 
 def _inverse(bounds: Bounds) -> Bounds:
-    """1 / x, where that is finite."""
+    """1 / x, if that is finite."""
     low, high = bounds
     if low < 0 < high:
         return EVERYTHING

@@ -41,7 +41,7 @@ def node_in_file(text: str, graph: Graph, meaning: Callable[[str], int | None]) 
 
 
 def number(text: str, known: Mapping[str, float]) -> float:
-    """The number that a formula of known names comes to; a ValueError where it comes to none."""
+    """The number that a formula of known names comes to; ValueError if it comes to none."""
     if text in known:
         return known[text]
     if re.fullmatch(NUMBER, text):

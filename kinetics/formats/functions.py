@@ -14,7 +14,7 @@ Made = Callable[[Graph, int], int]
 
 
 def _quotient(above: Code | None, below: Code) -> Made:
-    """A quotient of sines and cosines; of 1 where there is none above."""
+    """A quotient of sines and cosines; of 1 if there is none above."""
 
     def made(graph: Graph, x: int) -> int:
         top = graph.number(1.0) if above is None else graph.add(above, (x,))
@@ -38,7 +38,7 @@ def _cosh(graph: Graph, x: int) -> int:
 
 
 def _tanh(graph: Graph, x: int) -> int:
-    """1 - 2 / (exp(2 x) + 1), which is 1 and -1 where the exponential is beyond all floats."""
+    """1 - 2 / (exp(2 x) + 1), which is 1 and -1 if the exponential is beyond all floats."""
     grown = graph.add(Code.EXP, (graph.add(Code.MULTIPLY, (graph.number(2.0), x)),))
     below = graph.add(Code.ADD, (grown, graph.number(1.0)))
     return graph.add(Code.SUBTRACT, (graph.number(1.0), graph.add(Code.DIVIDE, (graph.number(2.0), below))))

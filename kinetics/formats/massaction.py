@@ -133,7 +133,7 @@ def shifted(formula: Sequence[Node], known: Sequence[float | None], place: int) 
 
 
 def _multiples(node: Node, known: Numbers) -> list[tuple[int, float]] | None:
-    """Parts whose multiples add up to a node; None where it is no such sum."""
+    """Parts whose multiples add up to a node; None if it is no such sum."""
     code, parts, _ = node
     if code in (Code.ADD, Code.SUBTRACT):
         return [(parts[0], 1.0), (parts[1], 1.0 if code == Code.ADD else -1.0)]

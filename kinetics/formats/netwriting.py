@@ -17,7 +17,7 @@ PATTERN = re.compile(r"[A-Za-z_]\w*\([^\s#$]*\)(\.[A-Za-z_]\w*\([^\s#$]*\))*")
 def net_text(model: Model) -> str:
     """The .net file of a model.
 
-    Names that the format cannot have are spelled with _ for the characters in question. A ValueError where like
+    Names that the format cannot have are spelled with _ for the characters in question. ValueError if like
     reactants are counted as products.
     """
     network = model.network

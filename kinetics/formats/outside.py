@@ -1,4 +1,4 @@
-"""Other people's programs, run on text that may be hostile: in an empty folder, with a bare environment and limits."""
+"""External programs run on untrusted text: in an empty folder, with a minimal environment and limits."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Program:
     stopped: bytes | None = None
 
     def translated(self, path: Path, given: Mapping[str, str], made: str) -> str:
-        """What it makes of a text, in a folder that holds nothing else and is its home.
+        """The translation of a text, made in an empty folder that is also the program's home.
 
         path : the user's file, for messages
         given : name -> text of the files that it reads
@@ -93,5 +93,5 @@ class Program:
 
 
 def _last_words(output: bytes) -> str:
-    """The end of what a program has said, on one line."""
+    """The end of a program's output, on one line."""
     return " ".join(output.decode("utf-8", errors="replace").split())[-400:]

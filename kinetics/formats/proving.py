@@ -63,7 +63,7 @@ def _compare(model: Model, again: Model, path: Path) -> None:
 
 
 def _states(model: Model) -> list[tuple[Ints, float]]:
-    """Counts and times at which the models are compared: the first state, some about it, some of few copies."""
+    """Counts and times at which models are compared: the initial state, states near it, and small counts."""
     rng = np.random.default_rng(SEED)
     n = len(model.initial)
     number = max(1, min(MOST_STATES, MOST_ENTRIES // (n + len(model.network.channels) + 1)))

@@ -141,7 +141,7 @@ def _reaction_line(network: Network, r: int) -> str:
 
 
 def _text(formula: float | Expression, parameters: Mapping[str, float | Expression]) -> str:
-    """A formula in terms of these parameters, with numbers in the place of others."""
+    """A formula in terms of these parameters, with numbers in place of others."""
     if not isinstance(formula, Expression):
         return repr(float(formula))
     text = formula.with_numbers(parameters).text

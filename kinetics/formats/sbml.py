@@ -84,7 +84,7 @@ def _model(names: SbmlNames, copies_per_unit: float | None) -> Model:
 
 
 def _check_scope(names: SbmlNames) -> None:
-    """Refuse what has no counterpart: it would be left out in silence."""
+    """ValueError for content without a counterpart, which would be left out silently."""
     for rule in names.each("Rules"):
         if not rule.isAssignment() and rule.isSetMath():
             kind = "a rate rule" if rule.isRate() else "an algebraic rule"
@@ -122,7 +122,7 @@ def _weights(names: SbmlNames, key: str, species: tuple[str, ...]) -> dict[str, 
 
 
 def _formulas(names: SbmlNames) -> dict[str, str]:
-    """What every id with a value stands for, as far as the budget goes."""
+    """Id -> its formula, within the budget."""
     made = {}
     for name in (*names.compartments, *names.species, *names.parameters, *names.references):
         try:

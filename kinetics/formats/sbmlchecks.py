@@ -1,4 +1,4 @@
-"""The consistency checks of libsbml, without those whose work grows out of hand with small files.
+"""The consistency checks of libsbml, without those whose cost explodes on small files.
 
 libsbml follows what depends on what along every path: 20 functions that call each other, or 1,000 rules in a row, take
 it minutes. So it is shown each formula without what it needs of others of its kind; whether these go round in a circle,
@@ -55,7 +55,7 @@ def _formulas_alone(model: Any) -> Iterator[tuple[Any, Any]]:
 
 
 def _without(math_: Any, names: Collection[str]) -> Any | None:
-    """A formula with a number in the place of some ids; None where it has none of them."""
+    """A formula with a number in place of some ids; None if it has none of them."""
     import libsbml
 
     if names_in(math_)[0].keys().isdisjoint(names):

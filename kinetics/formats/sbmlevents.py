@@ -27,7 +27,7 @@ def events_of(names: SbmlNames) -> list[Event]:
 
 
 def _touches(one: Event, other: Event) -> bool:
-    """Whether an event sets what the other one reads or sets."""
+    """Whether an event sets a variable that the other one reads or sets."""
     formulas = (other.condition, other.waits, *other.new_counts.values())
     read = {name for formula in formulas for name in formula.species}
     return not one.new_counts.keys().isdisjoint(read | other.new_counts.keys())

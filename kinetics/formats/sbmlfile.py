@@ -17,7 +17,7 @@ from kinetics.support.limits import (
 
 MAX_DEPTH = 100  # of tags; libsbml ends the whole process on some files that are thousands deep
 MAX_ERRORS = 5  # reported at once
-MATH = "l3v2extendedmath"  # the package whose operators are read, or refused where they are used
+MATH = "l3v2extendedmath"  # the package whose operators are read, or refused if they are used
 LOOKS = ("layout", "render", "annot")  # those that say how a model looks, not what it does
 
 

@@ -19,7 +19,7 @@ INITIAL, MEANING = "initial", "meaning"
 
 
 class SbmlError(ValueError):
-    """A fault that is already told with file and line."""
+    """A fault whose message already has file and line."""
 
 
 class SbmlNames:
@@ -63,7 +63,7 @@ class SbmlNames:
         found = {}
         for name in self.species:
             if name not in changed:
-                with suppress(ValueError):  # one without an amount, which is told where it is read
+                with suppress(ValueError):  # one without an amount, which is told if it is read
                     amount = self.initial_amount(name)
                     if 0 <= amount < math.inf and not is_count(amount * scale):
                         found[name] = amount
@@ -115,7 +115,7 @@ class SbmlNames:
         return self._value(self._node(element, math_, self._initial_node, self.graph.number(0.0)))
 
     def constant(self, place: int) -> float | None:
-        """The number that a node is at all times; None where it depends on counts or time."""
+        """The number that a node is at all times; None if it depends on counts or time."""
         learn_numbers(self.graph.nodes, self._valued, self.values)
         if self._plain(place) is None and self._valued[place] is not None:
             self.settled |= {str(self.graph.nodes[each].value) for each in in_order(self.graph.nodes, place)}
@@ -199,9 +199,9 @@ class SbmlNames:
         elif place is not None and (
             place.getLevel() == 1 or (place.getLevel() == 2 and not place.getSpatialDimensions())
         ):
-            value = 1.0  # the default of Level 1; Level 2 takes amounts for concentrations where there is no dimension
+            value = 1.0  # the default of Level 1; Level 2 takes amounts for concentrations if there is no dimension
         elif reference is not None:
-            value = reference.getStoichiometry() / reference.getDenominator()  # nan where Level 3 states none
+            value = reference.getStoichiometry() / reference.getDenominator()  # nan if Level 3 states none
         if math.isnan(value):
             raise ValueError(f"{name!r} in a formula is neither a species, a compartment nor a parameter with a value")
         return float(value)
@@ -280,7 +280,7 @@ class SbmlNames:
 
 
 def _changed_by(reaction: Any) -> set[str]:
-    """Species of which a reaction does not give back, as it is written, what it takes."""
+    """Species whose amount a reaction changes, as written."""
     net: Counter[str] = Counter()
     changed = set()
     for sign, side in ((-1, reaction.getListOfReactants()), (1, reaction.getListOfProducts())):

@@ -22,7 +22,7 @@ Build = Callable[[Graph, Sequence[int]], int | None]
 
 @cache
 def builders() -> dict[int, Build]:
-    """Kind of libsbml -> what makes its node of those of its parts; None where there are too many or too few."""
+    """Kind of libsbml -> what makes its node of those of its parts; None if there are too many or too few."""
     import libsbml as sbml
 
     return {

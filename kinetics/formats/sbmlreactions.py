@@ -84,7 +84,7 @@ def _directions(
 
 
 def _add(made: Channels, name: str, law: Expression, taken: dict[str, int], gained: dict[str, int]) -> None:
-    """One direction as a channel, with a plain rate constant where its law is mass action."""
+    """One direction as a channel, with a plain rate constant if its law is mass action."""
     lost = {species: max(0, copies - gained.get(species, 0)) for species, copies in taken.items()}
     found = rate_constant(law, lost)
     if found is None:
@@ -124,7 +124,7 @@ def _stoichiometry(names: SbmlNames, reaction: Any, reference: Any) -> float:
     elif reference.isSetStoichiometryMath() and reference.getStoichiometryMath().isSetMath():
         place = names.node(reference, reference.getStoichiometryMath().getMath())
     if place is None:
-        # The first is nan where Level 3 states none, the second is 1 beyond Level 2.
+        # The first is nan if Level 3 states none, the second is 1 beyond Level 2.
         return float(reference.getStoichiometry() / reference.getDenominator())
     number = names.constant(place)
     if number is None:

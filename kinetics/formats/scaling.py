@@ -58,7 +58,7 @@ def model_of(
 
 
 def is_count(amount: float) -> bool:
-    """Whether an amount is a whole number of copies that a count can hold, but for its rounding."""
+    """Whether an amount is a whole number of copies that a count can hold, except for its rounding."""
     return 0 <= amount < 2.0**63 and abs(amount - round(amount)) <= CLOSE * amount
 
 
@@ -110,7 +110,7 @@ def _event(event: Event, copies: float) -> Event:
 
 
 def _over_counts(formula: Expression, copies: float) -> Expression:
-    """A formula over amounts with count / copies in the place of every amount."""
+    """A formula over amounts with count / copies in place of every amount."""
     graph = Graph(most=10 * len(formula.formula) + 100)
     unit = graph.number(copies)
     amounts = {name: graph.add(Code.DIVIDE, (graph.name(name), unit)) for name in formula.species}

@@ -203,12 +203,13 @@ def leap(laws, cells, lengths, of_leap, stream, clock, notes, grid, out, times, 
 @compiled
 def begin_run(work, initial, key, run, look):
     """Put a run at its start; it is first looked at after so many events."""
-    work.cells.counts[: initial.size] = initial
-    work.clock[:] = 0.0
-    work.lengths[2] = 0.0
+    for s in range(initial.size):  # an assignment to a slice costs more than such a loop
+        work.cells.counts[s] = initial[s]
+    work.clock[0] = work.clock[1] = work.clock[2] = work.lengths[2] = 0.0
     start_stream(key, run, work.of_run)
-    work.notes[PASSED:] = 0
-    work.notes[LOOK], work.notes[CELL] = look, NO_CELL
+    notes = work.notes
+    notes[PASSED] = notes[EVENTS] = notes[STRETCHES] = 0
+    notes[LOOK], notes[CELL] = look, NO_CELL
 
 
 @compiled
@@ -244,7 +245,8 @@ def go_on(model, work, grid, out, times, fired, most):
             )
             continue
         start_stream(of_leap, OWN, stream)
-        state[:] = counts
+        for s in range(n_species):
+            state[s] = counts[s]
         outcome, n_events = advance(model.merged, model.changes, counts, clock, grid[-1], stream, step_times, stepped)
         notes[EVENTS] += n_events + 1
         if keeps:

@@ -14,7 +14,7 @@ from kinetics.support.arrays import Floats, integers, reals
 
 
 def checked_names(what: str, names: Sequence[str]) -> tuple[str, ...]:
-    """The names; a ValueError where one is empty or comes twice."""
+    """The names as a tuple. ValueError if one is empty or repeated."""
     if isinstance(names, str):
         raise ValueError(f"{what} = {names!r}; expected a sequence of names")
     checked = tuple(names)
@@ -51,7 +51,7 @@ def checked_table(
 def check_no_overdraft(
     species: Sequence[str], channels: Sequence[str], reactants: SparseTable, change: SparseTable
 ) -> None:
-    """A ValueError where a channel takes more copies than it needs: it could make a count negative."""
+    """ValueError if a channel takes more copies than it needs: it could make a count negative."""
     short = np.flatnonzero(reactants.at(change.keys) + change.copies < 0)
     if short.size:
         r, s = change.rows[short[0]], change.columns[short[0]]
@@ -64,7 +64,7 @@ def check_no_overdraft(
 def checked_conserved(
     conserved: Mapping[str, ArrayLike], channels: Sequence[str], change: SparseTable
 ) -> dict[str, Floats]:
-    """Amounts (S,) of each conserved quantity in one copy of each species; a ValueError where a channel changes it."""
+    """Amounts (S,) of each conserved quantity in one copy of each species; ValueError if a channel changes it."""
     amounts = {}
     for name, given in conserved.items():
         amounts[name] = reals(f"conserved {name!r}", given, (change.n_columns,))
@@ -81,7 +81,7 @@ def checked_conserved(
 
 
 def spelled_apart(names: Sequence[str], spell: Callable[[str], str], taken: Collection[str] = ()) -> list[str]:
-    """Each name as another program takes it, all different: with _ behind those that would be alike.
+    """Names respelled for another program and kept distinct by appending _.
 
     spell : a name -> what it becomes; a name that stays what it is goes before those that would become the same
     taken : spellings that none may have
@@ -110,6 +110,6 @@ def some_names(names: Collection[str]) -> str:
 
 
 def nearest(name: str, known: Collection[str]) -> str:
-    """What a name that nobody knows may stand for: those like it, or else some of those that there are."""
+    """Suggestions for an unknown name: similar names, or else some of the existing ones."""
     near = difflib.get_close_matches(name, known, n=3, cutoff=0.4)
     return f"did you mean {' or '.join(near)}?" if near else f"there are {some_names(known)}"

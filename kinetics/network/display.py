@@ -32,7 +32,7 @@ def rows_of(
     laws: Mapping[str, Expression],
     formulas: Mapping[str, Expression],
 ) -> list[tuple[str, ...]]:
-    """Name, reaction and ways of every channel, and its rate constant, as a formula too, or law where it is known."""
+    """Name, reaction and ways of every channel, and its rate constant, as a formula too, or law if it is known."""
     rows = []
     for r, (name, reaction) in enumerate(zip(channels, reactions, strict=True)):
         rate: tuple[str, ...] = () if rate_constants is None else (f"{rate_constants[r]:.4g}",)

@@ -23,7 +23,7 @@ def fingerprint(
     events: Sequence[Event],
     at_zero: str,
 ) -> str:
-    """SHA-256 over all that makes a network but its rates; laws, events and `at_zero` only where there are any."""
+    """SHA-256 of a network without its rates; laws, events and `at_zero` count only if there are any."""
     import hashlib
 
     is_small = len(channels) * len(species) <= MAX_DENSE

@@ -1,4 +1,4 @@
-"""`Model`: a network, what there is of each species at time 0, and the sums of counts by which people speak of it."""
+"""`Model`: a network, its counts at time 0, and its observables."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Model:
     def of(cls, model: Model | Network, initial: Counts | None = None) -> Model:
         """The model that a caller gives: a `Model`, or a `Network` with the counts that it states.
 
-        initial : counts (S,) at time 0 in the place of the model's, or by name, and the others stay; None for the
+        initial : counts (S,) at time 0 in place of the model's, or by name, and the others stay; None for the
             model's
         TypeError: neither a model nor a network
 
@@ -89,7 +89,7 @@ class Model:
         return replace(changed, network=network, notes=(*self.notes, f"chosen: {chosen}"))
 
     def at(self, point: Mapping[str, float]) -> Model:
-        """The model with other values of what these names stand for, see `kind`.
+        """A copy with other values for these names, see `kind`.
 
         >>> from kinetics import Model, Network
         >>> model = Model.of(Network.from_text("decay: A -> B, k", k=1), {"A": 3}).at({"k": 2.0, "B": 7})
@@ -149,7 +149,7 @@ class Model:
         raise ValueError(f"{name!r} is no parameter, species or channel of the model; {nearest(name, known)}")
 
     def counted(self, name: str) -> Mapping[str, float]:
-        """The weights of species in what a name counts: a species, which comes first, or an observable."""
+        """The weights (S,) of the species, or else the observable, with this name."""
         if name in self.network.species_places:
             return {name: 1.0}
         if name not in self.observables:
@@ -175,6 +175,6 @@ class Model:
 
 
 def _single(network: Network, quantity: str) -> str:
-    """The first species that holds one of a conserved quantity; "" where there is none."""
+    """The first species that holds one of a conserved quantity; "" if there is none."""
     holds = np.flatnonzero(np.asarray(network.conserved.get(quantity, ())) == 1.0)
     return network.species[int(holds[0])] if holds.size else ""

@@ -46,7 +46,7 @@ SAMPLE_IT = "sample it, by `simulate`, or by the commands `wellmixed predict` (m
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class Network(Shown):
-    """A reaction network: species, the channels through which they react, and their rate constants where known.
+    """A reaction network: species, the channels through which they react, and their rate constants if known.
 
     species : S names
     channels : R names, one per reaction
@@ -58,9 +58,9 @@ class Network(Shown):
     conserved : name of a quantity -> its amount (S,) in one copy of each species; no channel changes the total
     laws : channel -> rate law that takes the place of h; the other channels follow mass action
     events : assignments to counts, made when their conditions become true
-    at_zero : what is done where a rate law is above 0 although reactants are missing, one of `AT_ZERO`
+    at_zero : what is done if a rate law is above 0 although reactants are missing, one of `AT_ZERO`
     given : parameters, and what follows from them: rate constants, which are then computed, and counts at time 0
-    time_unit : name of the unit of time, for tables and axes; "" where none is stated
+    time_unit : name of the unit of time, for tables and axes; "" if none is stated
     species_places, channel_places : name -> its position
 
     Both tables may be given dense or as `SparseTable`. The dense ones, `reactants` and `stoichiometry`, are made when
@@ -177,7 +177,7 @@ class Network(Shown):
     ) -> Network:
         """A network from `{"bind": ({"A": 1, "B": 1}, {"AB": 1})}`: the reactants and products of each channel.
 
-        rate_constants : (R,); an expression in the place of one is the whole propensity, and k and N are then 1
+        rate_constants : (R,); an expression in place of one is the whole propensity, and k and N are then 1
         species : their order; by default that in which the reactions name them
         ways : (R,); by default 1 each
         parameters : name -> value, for expressions given as text; a parsed expression brings those of its own
@@ -198,7 +198,7 @@ class Network(Shown):
     def with_rates(
         self, rate_constants: ArrayLike, ways: ArrayLike | None = None, combinations: str | None = None
     ) -> Network:
-        """The same network with rate constants (R,) in 1/tu, and with other ways (R,) or combinations where given.
+        """A copy with rate constants (R,) in 1/tu, and with new multiplicities (R,) or combinations if given.
 
         Nothing else is rebuilt or checked again, so the cost is linear in the length of the arrays.
         """
@@ -211,7 +211,7 @@ class Network(Shown):
         )
 
     def with_parameters(self, /, **values: float) -> Network:
-        """The same network with other values of these parameters: of rate constants, laws, events and counts."""
+        """A copy with new values for these parameters, in rate constants, laws, events and counts."""
         given = self.given.changed(values)
         return self._with(
             given=given,
@@ -221,7 +221,7 @@ class Network(Shown):
         )
 
     def _with(self, **values: Any) -> Network:
-        """A copy with other values, which are checked, and without what is computed from those."""
+        """A copy with other values, which are checked, and without cached results."""
         other = copy(self)
         if "laws" in values:
             for computed in ("fingerprint", "channel_laws"):
@@ -236,7 +236,7 @@ class Network(Shown):
 
     @property
     def initial(self) -> dict[str, int]:
-        """Species -> count at time 0, where the network states one."""
+        """Species -> count at time 0, if the network states one."""
         return dict(self.given.counts)
 
     @cached_property
@@ -298,7 +298,7 @@ class Network(Shown):
 
     @property
     def known_rates(self) -> Floats:
-        """The rate constants (R,), or a ValueError where there are none yet."""
+        """The rate constants (R,), or ValueError if there are none yet."""
         if self.rate_constants is None:
             raise ValueError(
                 "this network has no rate constants yet; give it some, as in Rates.load('table3').apply(network)"
@@ -336,7 +336,7 @@ def network_of(read: ReactionText) -> Network:
 
 
 def channel_rows(network: Network) -> list[tuple[str, ...]]:
-    """Name, reaction and ways of every channel, and its rate constant where that is known, as text."""
+    """Name, reaction and ways of every channel, and its rate constant if that is known, as text."""
     from kinetics.network.display import reaction_texts, rows_of
 
     reactions = reaction_texts(network.species, network.sparse_reactants, network.sparse_stoichiometry)
@@ -345,7 +345,7 @@ def channel_rows(network: Network) -> list[tuple[str, ...]]:
 
 
 def check_homogeneous(network: Network) -> None:
-    """A ValueError where rates depend on time or events set counts: the generator is then not constant."""
+    """ValueError if rates depend on time or events set counts: the generator is then not constant."""
     for name, law in network.laws.items():
         if law.reads_time:
             raise ValueError(

@@ -27,7 +27,7 @@ class Parameters:
 
     given : name -> number, or a formula of parameters before it
     rates : channel -> its rate constant; channels whose constant is a plain number are left out
-    initial : species -> its count at time 0; species that nothing is said of are left out
+    initial : species -> its count at time 0; species without a stated count are left out
     """
 
     given: Mapping[str, float | Expression] = field(default_factory=dict)
@@ -36,7 +36,7 @@ class Parameters:
 
     @cached_property
     def values(self) -> dict[str, float]:
-        """Name -> number; a ValueError where one is none, or not finite."""
+        """Name -> number; ValueError if one is none, or not finite."""
         values: dict[str, float] = {}
         for name, each in self.given.items():
             values[name] = number_of(f"parameter {name!r}", each, values)
@@ -48,7 +48,7 @@ class Parameters:
         return {name: self.count(name) for name in self.initial}
 
     def changed(self, values: Mapping[str, float]) -> Parameters:
-        """The same with other numbers in the place of these parameters; those that are formulas of them follow."""
+        """A copy with new numbers for these parameters; formulas that read them change too."""
         for name in values:
             if name not in self.given:
                 if name in self.initial:
@@ -58,12 +58,12 @@ class Parameters:
         return replace(self, given={**self.given, **numbers})
 
     def without_rates(self, channels: Iterable[str]) -> Parameters:
-        """The same without the rate constants of these channels, which are then plain numbers, or laws."""
+        """A copy without the formulas of these rate constants, which are then plain numbers, or laws."""
         named = set(channels)
         return replace(self, rates={name: k for name, k in self.rates.items() if name not in named}) if named else self
 
     def constants(self, channels: Mapping[str, int], rate_constants: ArrayLike | None) -> ArrayLike | None:
-        """The rate constants (R,), with their values where they are formulas of parameters."""
+        """The rate constants (R,), with their values if they are formulas of parameters."""
         if not self.rates:
             return rate_constants
         found = np.zeros(len(channels)) if rate_constants is None else np.array(rate_constants, dtype=np.float64)
@@ -78,7 +78,7 @@ class Parameters:
         return found
 
     def check(self, channels: Iterable[str], species: Iterable[str], laws: Mapping[str, Expression]) -> None:
-        """A ValueError where a name means two things, or a formula is of a channel that there is not."""
+        """ValueError if a name means two things, or a formula is of a channel that there is not."""
         both = self.given.keys() & set(species)
         if both:
             raise ValueError(f"{min(both)!r} is both a species and a parameter; rename one")
@@ -95,7 +95,7 @@ class Parameters:
                     )
 
     def count(self, name: str) -> int:
-        """The count of a species at time 0; a ValueError where it is no whole number of at least 0."""
+        """The count of a species at time 0; ValueError if it is no whole number of at least 0."""
         given = self.initial[name]
         if not is_formula(given):
             return given
@@ -109,7 +109,7 @@ class Parameters:
 
 
 def number_of(what: str, given: float | Expression, values: Mapping[str, float]) -> float:
-    """The number that a formula of parameters comes to; a ValueError that says of what, where it is none."""
+    """The number that a formula of parameters comes to; a ValueError that says of what, if it is none."""
     if is_formula(given):
         from kinetics.network.laws.program import known_numbers
 
@@ -123,6 +123,6 @@ def number_of(what: str, given: float | Expression, values: Mapping[str, float])
 
 
 def meant(name: str, known: Iterable[str]) -> str:
-    """A question whether a name that resembles this one was meant; nothing where there is none."""
+    """A hint with similar names, `(did you mean ...?)`; empty if there are none."""
     near = difflib.get_close_matches(name, list(known), n=2, cutoff=0.5)
     return f" (did you mean {' or '.join(near)}?)" if near else ""

@@ -1,4 +1,4 @@
-"""Lines of a text in pieces that know where they stand, so that an error names the line and the column."""
+"""Source spans: parts of a line that keep their position, so that an error names line and column."""
 
 from __future__ import annotations
 

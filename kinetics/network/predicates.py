@@ -46,7 +46,7 @@ class StateNames:
         self.counts = np.empty((n_states, 0), dtype=np.int64) if counts is None else counts
 
     def holds(self, text: str) -> NDArray[np.bool_]:
-        """In which states (N,) the condition holds; a ValueError where it is none, or uses other names."""
+        """In which states (N,) the condition holds; ValueError if it is none, or uses other names."""
         expression = read_condition(text)
         self._check_truth(expression, text)
         return self._values(expression, f"condition {shortened(text)!r}", 0.0)[0] != 0.0
@@ -115,12 +115,12 @@ class StateNames:
 
 
 def names_in(text: str) -> tuple[str, ...]:
-    """The variables and labels that a condition names; a ValueError where it is none."""
+    """The variables and labels that a condition names; ValueError if it is none."""
     return tuple(read_condition(text).species)
 
 
 def read_condition(text: str) -> Expression:
-    """The formula of a condition; a ValueError where it is none."""
+    """The formula of a condition; ValueError if it is none."""
     graph = Graph()
     return Expression.of(graph.formula(node_of(text, graph, dialect=PRISM)))
 
@@ -130,7 +130,7 @@ def _truth(graph: Graph, number: float) -> int:
 
 
 def state_names(model: Model, counts: Ints) -> StateNames:
-    """What conditions may name in states (N, S); observables are named where they are whole sums."""
+    """What conditions may name in states (N, S); observables are named if they are whole sums."""
     sums = whole_sums(model, counts)
     columns = np.column_stack([counts, *sums.values()])
     variables = (*model.network.species, *sums)
@@ -199,11 +199,11 @@ class Condition:
     model: Model
 
     def holds(self, counts: Ints) -> NDArray[np.bool_]:
-        """In which of the counts (N, S) it holds; a ValueError where the text is no condition on this model."""
+        """Mask (N,) of the counts (N, S) at which it holds. ValueError if the text is not a condition on this model."""
         return state_names(self.model, counts).holds(self.text)
 
     def weights(self) -> dict[str, dict[int, int]]:
-        """The sum that each name stands for: whole weights by the number of the species."""
+        """Name -> its sum of counts, as whole weights by species number."""
         found = {name: {s: 1} for s, name in enumerate(self.model.network.species)}
         for name, weights in weights_of(self.model):
             if np.array_equal(weights, np.rint(weights)):
@@ -211,7 +211,7 @@ class Condition:
         return found
 
     def formula(self) -> tuple[Node, ...]:
-        """The condition with conditions on counts in the place of labels."""
+        """The condition with conditions on counts in place of labels."""
         graph, network = Graph(), self.model.network
         read = read_condition(self.text)
         places = {}

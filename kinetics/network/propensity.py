@@ -35,7 +35,7 @@ AT_ZERO = ("block", "refuse")
 def combinations(copies: Ints, taken: int, counted: str) -> Floats:
     """Ways (...) to take `taken` of `copies` (...), counted as one of `COMBINATIONS`; cost: `taken` products.
 
-    Floats: 1e15 copies do not overflow. A ValueError where the number is beyond all floats, 1.8e308.
+    Floats: 1e15 copies do not overflow. ValueError if the number is beyond all floats, 1.8e308.
     """
     if taken > LOW_ORDER:
         return _combinations_of_many(copies, taken, counted)
@@ -48,7 +48,7 @@ def combinations(copies: Ints, taken: int, counted: str) -> Floats:
 
 
 def _combinations_of_many(copies: Ints, taken: int, counted: str) -> Floats:
-    """The same in whole numbers without limit, each rounded once: numerator and denominator may be no floats."""
+    """Combinations of each count, from exact integers rounded once: numerator and denominator may exceed a float."""
     exact = {"distinct": comb, "ordered": perm, "product": lambda s, m: s**m if s >= m else 0}[counted]
     found, where = np.unique(copies, return_inverse=True)
     try:
@@ -93,7 +93,7 @@ def mass_action(needed: SparseTable, counts: Ints, counted: str, channels: Seque
 def over_factorial(coefficient: float, copies: int, channel: str) -> float:
     """A coefficient divided by copies!, as sampling needs it for like reactants counted as distinct sets.
 
-    A ValueError where that is no normal float any more, from 171 copies on or with a small rate constant.
+    ValueError if that is no normal float any more, from 171 copies on or with a small rate constant.
     """
     share = coefficient / float(factorial(copies)) if copies <= 170 else 0.0
     if coefficient > 0 and share < np.finfo(np.float64).tiny:
@@ -105,7 +105,7 @@ def over_factorial(coefficient: float, copies: int, channel: str) -> float:
 
 
 def state_text(species: Sequence[str], state: Ints) -> str:
-    """A state by the names of its species, those at 0 left out where there are many."""
+    """A state as text; species at 0 are left out if there are many."""
     pairs = [(name, int(n)) for name, n in zip(species, state, strict=True) if n or len(species) <= 8]
     text = ", ".join(f"{name} = {n}" for name, n in pairs[:12])
     return text + (f" and {len(pairs) - 12} more" if len(pairs) > 12 else "") if pairs else "no copies at all"

@@ -1,6 +1,6 @@
 """Networks as people write them, a line for each reaction, parameter, count at time 0 or setting.
 
-bind: A + B <-> AB, k1, k2   # a label, where there is one; the reaction; a rate for each direction
+bind: A + B <-> AB, k1, k2   # a label, if there is one; the reaction; a rate for each direction
 0 -> A, 5                    # nothing is written 0
 AB -> P + B, v * AB / (K + AB)
 k1 = 1e-3                    # a parameter: a number, or a formula of parameters above
@@ -67,7 +67,7 @@ class ReactionText:
 
     @property
     def constants(self) -> list[float]:
-        """Rate constants in the order of the channels, 1 where there is a formula or a law."""
+        """Rate constants in the order of the channels, 1 if there is a formula or a law."""
         rates = [self.rates.get(name, 1.0) for name in self.reactions]
         return [1.0 if isinstance(rate, Expression) else rate for rate in rates]
 

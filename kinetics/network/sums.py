@@ -13,7 +13,7 @@ Counted = str | Mapping[str, float]  # a species, or species with their weights
 
 
 def summed(network: Network, counted: Counted) -> tuple[Floats, str]:
-    """The weight (S,) of each species in a sum, and the sum in words.
+    """The weight (S,) of each species in a sum, and the sum as text.
 
     ValueError: an unknown species, or a weight that is no finite number
 

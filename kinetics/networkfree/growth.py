@@ -110,7 +110,7 @@ class Growth(Shown, Tabular):
         return read_only(np.array([len(structure) for structure in self.structures], dtype=np.int64))
 
     def until(self, end: float) -> Growth:
-        """The same run, observed until an earlier time, tu."""
+        """A copy observed only until an earlier time, tu."""
         kept = int(np.searchsorted(self.times, end, side="right"))
         return replace(self, times=self.times[:kept], before=self.before[:kept], after=self.after[:kept], end=end)
 
@@ -120,7 +120,7 @@ class Growth(Shown, Tabular):
         return int(self.initial @ self.sizes)
 
     def index(self, structure: Structure) -> int | None:
-        """Index of a structure in any placement and orientation; None where it never occurred."""
+        """Index of a structure in any placement and orientation; None if it never occurred."""
         return self._index.get(structure.canonical(self.book.scheme))
 
     @cached_property
@@ -147,7 +147,7 @@ class Growth(Shown, Tabular):
         return np.cumsum(table, axis=0)[: grid.size]
 
     def at(self, time: float) -> dict[Structure, int]:
-        """Contents of the tank at a time, tu: structure -> copies, the smallest first."""
+        """Contents of the tank at a time, tu: structure -> count, the smallest first."""
         (asked,) = self._grid([time])
         events, sides, changes = self._changes
         until = sides[: np.searchsorted(self.times[events], asked, side="right")]
@@ -287,11 +287,11 @@ class Growths(Shown):
         return self.most - np.argmax(present, axis=-1)
 
     def first_times(self, structure: Structure) -> Floats:
-        """Times (runs,) in tu at which such a structure first formed; nan where none did by the end."""
+        """Times (runs,) in tu at which such a structure first formed; nan if none did by the end."""
         return np.array([run.first_time(structure) for run in self.runs])
 
     def final(self) -> dict[Structure, float]:
-        """Contents of the tank at the end: structure -> mean copies per run, those that hold most cubes first."""
+        """Contents of the tank at the end: structure -> mean count per run, those that hold most cubes first."""
         totals: dict[Structure, int] = {}
         for run in self.runs:
             for structure, copies in run.at(run.end).items():
@@ -300,7 +300,7 @@ class Growths(Shown):
         return {structure: totals[structure] / len(self.runs) for structure in order}
 
     def classes(self, most: int | None = None) -> list[tuple[int, int]]:
-        """Classes of sizes, (smallest, largest): single sizes where they are few, else ranges that grow by a factor.
+        """Classes of sizes, (smallest, largest): single sizes if they are few, else ranges that grow by a factor.
 
         most : the largest size, as it may be in other runs too; None: that of these runs
         """
@@ -314,7 +314,7 @@ class Growths(Shown):
         return [(low, min(factor * low - 1, most)) for low in edges]
 
     def series(self, times: ArrayLike, most: int | None = None) -> dict[str, Ints]:
-        """Copies (runs, T) by class of sizes, copies of the target, and the cubes of the largest structure.
+        """Counts (runs, T) by size class, counts of the target, and the cubes of the largest structure.
 
         most : as in `classes`
         """

@@ -3,7 +3,7 @@
 The tank holds structures, those that look alike counted together. Faces are grouped by what they show and by the size
 of their structure. A pair of groups that the book may let bond has one rate constant k, so that the rate of all joins
 is at most the sum of k x pairs of faces. Events come at that rate; each draws a pair of faces and one of the four
-twists, and nothing happens where both lie on one structure, cubes would overlap or the book refuses. Thinned so, each
+twists, and nothing happens if both lie on one structure, cubes would overlap or the book refuses. Thinned so, each
 join goes at k / 4 a pair of faces and twist, as in the derived network. Bonds outside loops break at their constants,
 or at these times the weights of all other bodies and of the walls, where the break model weights bodies by size.
 
@@ -52,7 +52,7 @@ def grow(
 
     rates : class rates, or a function of a rate class; constants in 1/tu, pairs of like structures counted as
         s (s - 1) / 2
-    initial : the number of free cubes, to which the seed is added where the book needs one; or copies of structures
+    initial : the number of free cubes, to which the seed is added if the book needs one; or copies of structures
     progress : called with the number of runs finished and the time reached in the current one, tu
     draws : over how many draws of the class rates from their evidence the runs are spread, by turns; 0: over none, all
         runs are under the rates as they are
@@ -101,14 +101,14 @@ def grow(
 
 
 def free_cubes(book: RuleBook, cubes: int) -> dict[Structure, int]:
-    """A tank of free cubes, and the seed besides where the book needs one."""
+    """A tank of free cubes, and the seed besides if the book needs one."""
     start = {book.monomer(): whole_number("cubes", cubes, 1)}
     seed = book.seed()
     return start if seed is None else start | {seed: 1}
 
 
 def _rate_of(rates: ClassRates | Rate, book: RuleBook) -> tuple[Rate, Breakers]:
-    """The constant of a class, from rates that are made for this way of counting and these faces; what breaks bonds."""
+    """A function from class to rate constant, and the break model, checked for combinations and faces."""
     if not isinstance(rates, ClassRates):
         if not callable(rates):
             raise ValueError(f"rates = {rates!r}; expected ClassRates, or a function of a rate class")
@@ -199,7 +199,7 @@ def _run(
 def _forecast(tank: GrowingTank, draws: int, left: float, runs: int) -> None:
     """Say what all runs will take, from the rates in the first one, `left` tu before its end.
 
-    Joins use up what joins, so that they are no more than the cubes, but for those that mend breaks.
+    Joins use up what joins, so that they are no more than the cubes, except for those that mend breaks.
     """
     drawn, break_rate = tank.rates()
     cubes = sum(len(kind.structure) * copies for kind, copies in tank.counts.items())

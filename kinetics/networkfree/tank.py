@@ -106,7 +106,7 @@ class Known:
         self.bonds: dict[StructureKind, BondRates] = {}
 
     def under(self, rate: Rate, breakers: Breakers) -> Known:
-        """The same kinds and outcomes, under other rates."""
+        """A copy that shares kinds and outcomes, under other rates."""
         other = Known(self.book, rate, breakers)
         other.kinds, other.joins, other.breaks = self.kinds, self.joins, self.breaks
         other.groups, other.shown, other.classes = self.groups, self.shown, self.classes
@@ -146,7 +146,7 @@ class Known:
         return number
 
     def pair(self, a: FaceGroup, b: FaceGroup) -> RateClass | None:
-        """The class of joins at a pair of faces where one is touched; None where the book lets them bond nowhere."""
+        """The class of joins at a pair of faces if one is touched; None if the book lets them bond nowhere."""
         if b not in self.classes[a]:
             (n, view), (m, other) = self.shown[a], self.shown[b]
             allowed = self.book.allows(view, other)
@@ -185,7 +185,7 @@ class Known:
         return self.joins[key]
 
     def parted(self, kind: StructureKind, i: int, j: int) -> tuple[StructureKind, StructureKind]:
-        """What is left when the bond of cubes i and j breaks; i writes first where the book sets an order."""
+        """What is left when the bond of cubes i and j breaks; i writes first if the book sets an order."""
         key = (kind, i, j)
         if key not in self.breaks:
             (_, first), (_, second) = self.book.break_bond(kind.structure, i, j)
@@ -296,7 +296,7 @@ class GrowingTank:
         raise AssertionError("a slot holds fewer faces than it counts")
 
     def join(self, drawn: Floats, draw: Callable[[], float]) -> TankEvent | None:
-        """Draw a pair of faces and a twist: kinds before and after, or None where nothing comes of it."""
+        """Draw a pair of faces and a twist: kinds before and after, or None if nothing comes of it."""
         slot = int(np.searchsorted(drawn, draw() * drawn[-1], side="right"))
         towards = np.cumsum(self.strengths[slot] * self.n)
         other = int(np.searchsorted(towards, draw() * towards[-1], side="right"))

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 EVENT_COLUMNS = ("run", "time", "channel")
-NOTES = ("cube_a", "cube_b", "partner")  # of an event, where they are known: whose bond it was, and who broke it
+NOTES = ("cube_a", "cube_b", "partner")  # of an event, if they are known: whose bond it was, and who broke it
 RUN_COLUMNS = ("run", "start", "end", "tank", "resolution", "closed")
-START, END, RESTARTED = "start", "end", "restart"  # in the place of a channel
+START, END, RESTARTED = "start", "end", "restart"  # in place of a channel
 BETWEEN = ";"  # between the channels of `closed`
 
 
@@ -33,7 +33,7 @@ class TableRun(NamedTuple):
     """One run as the tables hold it; the arrays are those of a `JumpPath`.
 
     tank : lengths of the tank, or None
-    resolution : tu between two looks; 0 where every event has a time of its own
+    resolution : tu between two looks; 0 if every event has a time of its own
     notes : further columns of the events, of `NOTES`
     """
 

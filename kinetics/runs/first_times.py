@@ -43,9 +43,9 @@ class FirstTimes(Shown, Tabular):
     times : (R,) first times; nan for a run in which the condition has not held as long as it was observed (censored)
     observed : (R,) until when each run was observed: its first time, the horizon, or where it was truncated
     counts : (R, S) at these times
-    horizon : until when runs were observed at most; inf where they ended only where nothing could happen any more
+    horizon : until when runs were observed at most; inf if they ended only if nothing could happen any more
     method : how the runs were made
-    truncated : why runs were truncated, which are censored there; None where none was
+    truncated : why runs were truncated, which are censored there; None if none was
 
     >>> from kinetics import Network, simulate
     >>> binding = Network.from_text("A + B <-> AB, 0.01, 0.1")
@@ -87,9 +87,9 @@ class FirstTimes(Shown, Tabular):
 
     @property
     def mean(self) -> float:
-        """Mean of the first time, or of the smaller of it and the horizon where runs are censored (restricted mean).
+        """Mean of the first time, or of the smaller of it and the horizon if runs are censored (restricted mean).
 
-        It is the area under the survival curve; infinite where runs are censored and there is no horizon.
+        It is the area under the survival curve; infinite if runs are censored and there is no horizon.
         """
         if not self._cut_short.size:
             return float(self.observed.mean())
@@ -136,7 +136,7 @@ class FirstTimes(Shown, Tabular):
     def survival(self, level: float = LEVEL) -> Survival:
         """Survival curve by Kaplan & Meier (1958), doi:10.1080/01621459.1958.10501452, from time 0 on.
 
-        Its interval is that of a binomial share, exact, where all runs are observed to the horizon; else by
+        Its interval is that of a binomial share, exact, if all runs are observed to the horizon; else by
         Greenwood's variance on the scale of log(-log), which is approximate.
         """
         moments, events = np.unique(self.times[self.is_reached], return_counts=True)
@@ -157,7 +157,7 @@ class FirstTimes(Shown, Tabular):
 
     @property
     def median(self) -> float:
-        """The time by which the condition has held in half of the runs; inf beyond what was observed."""
+        """Median first time; inf if it lies beyond the observation."""
         return self.answer(0.5).value
 
     @property

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 MAX_STATES = 2**27  # counts in the table of all states of a path, 1 GB
 RESTART = -1  # in `JumpPath.channels`: the run was put back to its initial state; not an event
-# In `JumpPath.partners`, where it is not the number of a species: a wall alone; several bodies, or bodies and walls, at
+# In `JumpPath.partners`, if it is not the number of a species: a wall alone; several bodies, or bodies and walls, at
 # once; not a break; a break of which nobody knows. Stored records hold these numbers: they stay as they are.
 BY_WALL, BY_SEVERAL, NO_BREAK, BY_UNKNOWN = -1, -2, -3, -4
 
@@ -50,10 +50,10 @@ class JumpPath(Shown, Tabular):
     channels : (E,) index of the channel that fired, or RESTART
     end : time in tu at which observation stopped; a waiting time cut off by it is right-censored
     open_channels : (R,) bool, channels that could fire at all in this run; all of them by default
-    tank : where it happened; None where that is not known
+    tank : where it happened; None if that is not known
     partners : (E,) who broke a structure: number of a species, BY_WALL, BY_SEVERAL or BY_UNKNOWN; NO_BREAK for other
-        events and restarts. None where nobody watched for it
-    resolution : time between two looks, tu, where an event is written down at the look that first shows it; 0 where
+        events and restarts. None if nobody watched for it
+    resolution : time between two looks, tu, where an event is written down at the look that first shows it; 0 if
         every event has its own time
     ValueError: arrays of other shapes, times that fall, or an event whose reactants were not there
 
@@ -235,8 +235,8 @@ class Ensemble(Shown, Tabular):
 
     times : (T,) in tu, rising
     counts : (runs, T, S) int64
-    method : that made the runs; "" where that is not known
-    truncated : why there are fewer times than were asked for; None where there are not
+    method : that made the runs; "" if that is not known
+    truncated : why there are fewer times than were asked for; None if there are not
     ValueError: counts of another shape or kind, or negative ones
 
     >>> import numpy as np

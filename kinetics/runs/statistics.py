@@ -49,8 +49,8 @@ class EnsembleStatistics(Shown, Tabular):
         number `origin`. Bins are one count wide where the range allows, and then nothing is rounded
     sums, products : exact integers: sums of the counts (T, S), and of the products of each pair of species (T, P)
     pairs : (2, P) the species of the pairs
-    method : that made the runs; "" where that is not known
-    truncated : why there are fewer times than were asked for; None where there are not
+    method : that made the runs; "" if that is not known
+    truncated : why there are fewer times than were asked for; None if there are not
 
     >>> from kinetics import Network, simulate_statistics
     >>> source = Network.from_text("0 -> A, 5")
@@ -142,7 +142,7 @@ class EnsembleStatistics(Shown, Tabular):
         return np.clip(middle, self.low, self.high).astype(float)
 
     def quantile_error(self) -> Ints:
-        """Largest error of a quantile, counts (T, S): 0 where bins are one count wide, else half their width."""
+        """Largest error of a quantile, counts (T, S): 0 if bins are one count wide, else half their width."""
         return (1 << self.shift) // 2
 
     def marginal(self, species: str) -> Floats:

@@ -1,4 +1,4 @@
-"""Runs that were truncated, because they would never have come to an end: what is said of them."""
+"""Truncated runs, which would not have ended, and the messages about them."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Truncation:
 
     time : when that was, in `time_unit`; run : its number
     truncated, among : of so many runs, the first of the ensemble, so many did not reach `beyond`
-    until, beyond : the last time of the figures, None where there is none; the first time that was left out
+    until, beyond : the last time of the figures, None if there is none; the first time that was left out
     end : the last time asked for
-    channel, propensity : that with the largest propensity in its last state, 1/time_unit; "" where there is none
-    reason : one of `REASONS`; events : that it made or, where they are forecast, would come to
+    channel, propensity : that with the largest propensity in its last state, 1/time_unit; "" if there is none
+    reason : one of `REASONS`; events : that it made or, if they are forecast, would come to
     max_events : the most events of a run
 
     >>> from kinetics import Network, simulate
@@ -75,7 +75,7 @@ class Truncation:
 
     @property
     def refusal(self) -> str:
-        """What an error says, where nothing can be given."""
+        """The error message if no figures can be given."""
         more = ", or raise max_events" if self.reason in ("events", "forecast") else ""
         return (
             f"run {self.run}: {self.cause}; it was truncated at {self._when}, before {self.beyond:g}: ask for earlier "

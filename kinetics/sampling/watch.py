@@ -11,6 +11,7 @@ from __future__ import annotations
 import threading
 from bisect import bisect_left
 from collections.abc import Callable
+from functools import cached_property
 from time import perf_counter
 from typing import NamedTuple
 
@@ -27,7 +28,8 @@ MAX_EVENTS = 10**9  # of a run, where nobody says otherwise
 FIRST_LOOK = 100_000  # events
 MARGIN = 2.0  # times the events allowed, that a forecast must come to
 FIRST_RUNS = 20  # whose share of truncated runs is reported
-FIRST_CALL, MOST_CALL, CALL_SECONDS = 10_000, 10**9, 0.1  # events of a call of a kernel, and what it may take
+FIRST_CALL = 10**6  # events of the first call of a kernel, times channels: some milliseconds
+MOST_CALL, CALL_SECONDS = 10**9, 0.1  # events of a call, and what it may take
 REASON = {
     outcomes.MOST_EVENTS: "events",
     outcomes.ENDLESS_RUN: "forecast",
@@ -61,8 +63,6 @@ class Watch:
     reached : (runs,) when the condition first held in each run, tu; inf where it has not
     """
 
-    most_events = FIRST_CALL  # of the next call of a kernel
-
     def __init__(
         self,
         grid: Floats,
@@ -81,6 +81,12 @@ class Watch:
         self.stops: dict[int, CutRun] = {}
         self._first: tuple[int, int] | None = None  # times passed and number of the first run that was truncated
         self._lock = threading.Lock()
+
+    @cached_property
+    def most_events(self) -> int:
+        """Events of the next call of a kernel."""
+        channels = 100 if self.outlook is None else len(self.outlook.network.channels)
+        return max(1, FIRST_CALL // max(10, channels))
 
     @property
     def first_look(self) -> int:

@@ -1,4 +1,4 @@
-"""`Answer`: a value with its bounds, in what sense they hold, how it was found, and what that cost."""
+"""`Answer`: a value with its bounds, their kind, the method and the CPU time."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ CLOSE = 1e-5  # relative width of bounds that agree in all digits that a table s
 class Answer:
     """A value with bounds on the true one.
 
-    value : nan where there is no answer
-    low, high : bounds; all roundings and truncations, and those of the rates, are included. nan where none are known
+    value : nan if there is no answer
+    low, high : bounds; all roundings and truncations, and those of the rates, are included. nan if none are known
     kind : `proven`; `estimate` where the bounds are not proven; `95 % confidence` for an interval from runs or from
-        draws of the rates; `none` where there is no answer
+        draws of the rates; `none` if there is no answer
     method : how it was found
     cpu_seconds : processor time that this took
-    why : how many states or runs it rests on; where there is no answer, the reason
+    why : how many states or runs it rests on; if there is no answer, the reason
 
     >>> from math import exp
     >>> from kinetics import Chain
@@ -77,7 +77,7 @@ class Answer:
 
     @property
     def bounds_text(self) -> str:
-        """The bounds as a cell of a table: an interval, or one error where all digits shown agree."""
+        """The bounds as a cell of a table: an interval, or one error if all digits shown agree."""
         if math.isnan(self.low):
             return "" if self.kind == NONE else "all runs alike"
         if self.error <= CLOSE * abs(self.value):

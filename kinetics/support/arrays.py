@@ -18,7 +18,7 @@ Counts = Mapping[str, int] | ArrayLike
 def integers(name: str, values: ArrayLike, shape: tuple[int | None, ...], minimum: int | None = None) -> Ints:
     """A read-only int64 copy of `values`.
 
-    shape : expected lengths, None where any length will do
+    shape : expected lengths, None if any length will do
     minimum : smallest value allowed
     Whole floats are taken; fractions, NaN and numbers beyond 2**63 - 1 are refused.
     """
@@ -58,7 +58,7 @@ def rising_times(times: ArrayLike, strictly: bool = True) -> Floats:
 
 
 def some_times(times: ArrayLike) -> Floats:
-    """The same; a ValueError where there is none."""
+    """At least one rising time (T,), not negative. ValueError if there is none."""
     grid = rising_times(times)
     if not grid.size:
         raise ValueError("times is empty; give at least one time")
@@ -66,7 +66,7 @@ def some_times(times: ArrayLike) -> Floats:
 
 
 def whole_number(name: str, value: int, least: int) -> int:
-    """`value`, a whole number of any type but truth, where it is at least `least`."""
+    """`value`, a whole number of any type but truth, if it is at least `least`."""
     try:
         number = None if isinstance(value, bool) else index(value)
     except TypeError:
@@ -77,14 +77,14 @@ def whole_number(name: str, value: int, least: int) -> int:
 
 
 def real_number(name: str, value: float) -> float:
-    """`value` where it is one real number, infinite or not."""
+    """`value` if it is one real number, infinite or not."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         raise ValueError(f"{name} = {value!r}; expected a number")
     return float(value)
 
 
 def read_only(array: Any) -> Any:
-    """The same array, closed for writing."""
+    """The array itself, made read-only."""
     array.setflags(write=False)
     return array
 

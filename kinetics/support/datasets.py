@@ -19,7 +19,7 @@ def dataset(
 ) -> xr.Dataset:
     """A Dataset of variables, name -> (dimensions, array), over coordinates, dimension -> its values.
 
-    time_unit : of the coordinate `time`, where it is known
+    time_unit : of the coordinate `time`, if it is known
     facts : attributes of the whole
     """
     xarray = extra("xarray")

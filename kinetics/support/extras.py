@@ -1,4 +1,4 @@
-"""Packages that come with an extra: imported where they are used, with a message that says how to install them."""
+"""Packages that come with an extra: imported if they are used, with a message that says how to install them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def how_to_install(name: str) -> str:
 
 
 def require(name: str) -> str:
-    """The file of a package that another process will import; the same error as `extra` where there is none."""
+    """The file of a package that another process will import; the same error as `extra` if there is none."""
     found = find_spec(name)
     if found is None or found.origin is None:
         raise ModuleNotFoundError(how_to_install(name), name=name)

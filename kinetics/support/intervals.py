@@ -21,7 +21,7 @@ def exact_limits(
         had happened (chi-square with 2 n degrees of freedom)
 
     The limits are exact where the exposure itself is fixed. They are approximate where it follows from the path, with a
-    coverage near the level once there are about ten events. They are (0, inf) where there is no exposure.
+    coverage near the level once there are about ten events. They are (0, inf) if there is no exposure.
 
     >>> from kinetics.support.intervals import exact_limits
     >>> low, high = exact_limits([0, 4], 200.0)
@@ -48,7 +48,7 @@ def exact_limits(
 
 
 def binomial_limits(hits: ArrayLike, runs: int, level: float = 0.95) -> tuple[Floats, Floats]:
-    """Lower and upper limits (...) of the probabilities behind `hits` (...) among `runs`, exact, if wide.
+    """Exact (conservative) interval ends (...) of probabilities, from `hits` (...) among `runs`.
 
     Clopper & Pearson (1934), doi:10.1093/biomet/26.4.404.
     """
@@ -76,7 +76,7 @@ def posterior_draws(
     events: Sequence[float | None],
     exposure: Sequence[float | None],
 ) -> Floats:
-    """(n, R) draws of R rates from their posteriors under Jeffreys' prior; the rate itself where there is no evidence.
+    """(n, R) draws of R rates from their posteriors under Jeffreys' prior; the rate itself if there is no evidence.
 
     The draws of one rate come together, in the order of the rates.
     """

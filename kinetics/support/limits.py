@@ -34,7 +34,7 @@ def text_in(path: Path, most: int = TEXT_BYTES) -> str:
 
 
 def bytes_in(path: Path, most: int = TEXT_BYTES) -> bytes:
-    """The bytes of a file or pipe, of at most so many. A ValueError where there is something else, or more."""
+    """The bytes of a file or pipe, of at most so many. ValueError if there is something else, or more."""
     try:
         info = path.stat()
     except FileNotFoundError:

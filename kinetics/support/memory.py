@@ -17,7 +17,7 @@ GROUP_FILES = (
 
 
 def check_memory(what: str, n_bytes: float, advice: str) -> None:
-    """Raise a ValueError where `what` would take more than is free, or more than 24 GB."""
+    """Raise ValueError if `what` would take more than is free, or more than 24 GB."""
     if n_bytes <= SMALL:
         return
     allowed = min(MAX_BYTES, available_bytes())
@@ -28,7 +28,7 @@ def check_memory(what: str, n_bytes: float, advice: str) -> None:
 
 
 def available_bytes() -> float:
-    """Memory that new work may take; inf where the system does not say."""
+    """Memory that new work may take; inf if the system does not say."""
     return min(_machine_bytes(), *(_group_bytes(*files) for files in GROUP_FILES))
 
 
@@ -45,7 +45,7 @@ def _machine_bytes() -> float:
 
 
 def _group_bytes(limit: str, used: str, details: str, cache: str) -> float:
-    """What the group of processes may still take; inf where there is no such group, or no limit ("max")."""
+    """Memory that the control group may still take; inf without a group or limit ("max")."""
     try:
         most, now = (float((GROUPS / name).read_text(encoding="ascii")) for name in (limit, used))
         lines = (GROUPS / details).read_text(encoding="ascii").splitlines()

@@ -114,7 +114,7 @@ def new_folder(path: str | Path) -> Iterator[Path]:
 
 
 def check_target(path: str | Path) -> None:
-    """ValueError where a file at `path` would take the place of a link, a folder or a device; PermissionError where
+    """ValueError if a file at `path` would take the place of a link, a folder or a device; PermissionError where
     the file there is protected from writing.
     """
     try:

@@ -65,7 +65,7 @@ def intervals(ax: Any, times: ArrayLike, low: ArrayLike, high: ArrayLike) -> Any
 
 
 def passage(ax: Any, times: ArrayLike, probability: ArrayLike, mean: float, target: str, unit: str = "tu") -> Any:
-    """Distribution function of a passage time, its mean marked where there is one; returns `ax`."""
+    """Distribution function of a passage time, its mean marked if there is one; returns `ax`."""
     ax.plot(times, probability, color=colour(0), label=f"until {target}")
     if np.isfinite(mean):
         ax.axvline(mean, color=colour(1), linestyle="--", label=in_unit(f"mean {mean:.4g}", unit))
@@ -142,7 +142,7 @@ def words_as_they_are(figure: Any) -> None:
 
 
 def _beside(ax: Any) -> Any:
-    """Put the legend beside the axes: curves and bands leave no room for it anywhere else that can be relied on."""
+    """Put the legend next to the axes, since curves and bands may fill them."""
     ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 

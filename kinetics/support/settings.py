@@ -40,7 +40,7 @@ AtLeastOne = Annotated[int, Meta(ge=1)]
 
 
 class _Kind(StructMeta):
-    """What Python constructs passes the same checks as what a file holds."""
+    """Metaclass that checks values given in Python as those in a file."""
 
     def __new__(cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **config: Any) -> Any:
         return super().__new__(cls, name, bases, namespace, kw_only=True, **config)
@@ -59,10 +59,10 @@ class Settings(Struct, metaclass=_Kind, frozen=True, forbid_unknown_fields=True)
     the key that says which, and `tag` what stands there, both in the line of the class.
     """
 
-    unless_usual: ClassVar[Collection[str]] = ()  # fields that are written only where they are not at their default
+    unless_usual: ClassVar[Collection[str]] = ()  # fields that are written only if they are not at their default
 
     def replace(self, **changes: Any) -> Self:
-        """The same with other values, checked again."""
+        """A copy with other values, checked again."""
         return type(self)(**asdict(self) | changes)
 
     def as_dict(self, without: Collection[str] = (), none: bool = True) -> dict[str, Any]:
@@ -81,7 +81,7 @@ class Settings(Struct, metaclass=_Kind, frozen=True, forbid_unknown_fields=True)
 
 @cache
 def _unwritten(kind: type[Settings]) -> list[tuple[str, Any]]:
-    """The fields that are written only where they are not at their default, and that default."""
+    """The fields that are written only if they are not at their default, and that default."""
     return [(each.name, each.default) for each in fields(kind) if each.name in kind.unless_usual]
 
 
@@ -116,7 +116,7 @@ def validated(kind: type[Kind], data: Any, source: str | Path) -> Kind:
 
 
 def _plain(value: Any) -> Any:
-    """The same with Python's numbers for those of numpy."""
+    """A copy of nested tables and lists with Python's numbers in place of numpy's."""
     if isinstance(value, dict):
         return {key: _plain(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
@@ -133,7 +133,7 @@ def _is_finite(value: Any) -> bool:
 
 
 def _faults(kind: Any, value: Any, place: str) -> Iterator[str]:
-    """All that is wrong with a value of which a `kind` was expected, in words.
+    """Messages for all faults of a value that should be a `kind`.
 
     place : keys and positions that lead there, with a dot between two
     """
@@ -154,7 +154,7 @@ def _faults(kind: Any, value: Any, place: str) -> Iterator[str]:
 
 
 def _inside(options: Sequence[Any], value: Any) -> Iterator[tuple[Any, Any, str]]:
-    """Kind, item and place of what a list or a free table holds."""
+    """Kind, value and place of each item of a list or a free table."""
     for option in map(_bare, options):
         inner = get_args(option)
         if get_origin(option) is dict and isinstance(value, dict):
@@ -165,7 +165,7 @@ def _inside(options: Sequence[Any], value: Any) -> Iterator[tuple[Any, Any, str]
 
 
 def _faults_of_table(kinds: Sequence[Any], value: dict[str, Any], place: str) -> Iterator[str]:
-    """The same of a table that is to be one of these kinds."""
+    """Faults of a table that should be one of these kinds."""
     tag_field = kinds[0].__struct_config__.tag_field
     by_tag = {kind.__struct_config__.tag: kind for kind in kinds}
     kind = kinds[0]
@@ -183,7 +183,7 @@ def _faults_of_table(kinds: Sequence[Any], value: dict[str, Any], place: str) ->
     faults = [fault for n, each in known.items() if n in value for fault in _faults(each.type, value[n], _at(place, n))]
     faults += [f"'{_at(place, n)}' is missing" for n, each in known.items() if each.required and n not in value]
     if kind.__struct_config__.forbid_unknown_fields:
-        from difflib import get_close_matches  # here, where something is wrong
+        from difflib import get_close_matches  # here, if something is wrong
 
         allowed = sorted({*known, *([tag_field] if tag_field else [])})
         for name in (str(name)[:80] for name in value if name not in allowed):
@@ -239,7 +239,7 @@ BOUNDS = {"gt": "greater than", "ge": "at least", "lt": "less than", "le": "at m
 
 
 def described(kind: Any) -> str:
-    """What is allowed where a `kind` is expected, in words.
+    """The allowed values of a `kind`, as text.
 
     >>> from kinetics.support.settings import NotNegative, described
     >>> described(NotNegative), described(tuple[float, float])

@@ -59,7 +59,7 @@ class Shown(ABC):
 
     @abstractmethod
     def summary(self) -> ResultTable:
-        """What it is, its figures, and what to know about them."""
+        """Headline, figures and notes as one table."""
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.headline}>"
@@ -106,7 +106,7 @@ def over_time(
 def means_over_time(
     headline: str, times: Floats, unit: str, names: Sequence[str], mean: Floats, sd: Floats, note: str
 ) -> ResultTable:
-    """The same with means and standard deviations (T, S) in its columns."""
+    """A table over time with means and standard deviations (T, S) in its columns."""
     return over_time(headline, times, unit, names, lambda t, s: with_spread(mean[t, s], sd[t, s]), [note])
 
 

@@ -14,12 +14,12 @@ ROUNDING = 1e-13  # of a mean: a smaller spread is what arithmetic leaves of non
 
 
 def in_unit(value: str, unit: str) -> str:
-    """A value with its unit, where it has one."""
+    """A value with its unit, if it has one."""
     return f"{value} {unit}" if unit else value
 
 
 def figure(value: float, form: str = ".4g") -> str:
-    """A number for people: a dash where it is not known (nan), a word where it is infinite.
+    """A number for people: a dash if it is not known (nan), a word if it is infinite.
 
     >>> figure(2 / 3), figure(float("nan")), figure(float("inf"))
     ('0.6667', '-', 'infinite')
@@ -40,7 +40,7 @@ def with_spread(mean: float, spread: float, form: str = ".3g") -> str:
 
 
 def of_unit(what: str, unit: str) -> str:
-    """A title with the unit of what is below or beside it, where there is one.
+    """A title with its unit, if there is one.
 
     >>> of_unit("time", "s"), of_unit("time", "")
     ('time (s)', 'time')
@@ -76,19 +76,19 @@ def text_table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def rounded(rows: Rows) -> list[dict[str, str]]:
-    """Four digits for every number that is not whole, nothing where there is no finite value."""
+    """Four digits for every number that is not whole, nothing if there is no finite value."""
     return [{key: _cell(value) for key, value in row.items()} for row in rows]
 
 
 def columns(rows: Rows) -> str:
-    """Aligned columns under their names, rounded; what is infinite is said."""
+    """Aligned columns under their names, rounded, with infinite values as words."""
     return text_table(
         tuple(rows[0]), [["infinite" if value == math.inf else _cell(value) for value in row.values()] for row in rows]
     )
 
 
 def csv_text(rows: Rows) -> str:
-    """One line a row, as the values are; a cell is empty where there is no finite value, as in JSON it is null."""
+    """One line a row, as the values are; a cell is empty if there is no finite value, as in JSON it is null."""
     text = io.StringIO()
     table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     table.writeheader()

@@ -24,7 +24,7 @@ def end_with_parent() -> None:
 
 
 def leave_signals_to_parent() -> None:
-    """Ignore Ctrl-C and SIGTERM in this worker: where all processes of a command get one, the parent ends its workers.
+    """Ignore Ctrl-C and SIGTERM in this worker: if all processes of a command get one, the parent ends its workers.
 
     Otherwise it might first take a worker that has died of the signal for one that failed.
     """

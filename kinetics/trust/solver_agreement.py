@@ -118,7 +118,7 @@ def compare_solvers(
 
 
 def _limited(kind: Any) -> SolvingMethod:
-    """A solver of a family; where its cost rises steeply, for no more states than it is compared at."""
+    """A solver of a family; if its cost rises steeply, for no more states than it is compared at."""
     solver: SolvingMethod = kind() if kind.tried_up_to is None else kind(max_states=kind.tried_up_to)
     return solver
 
@@ -139,7 +139,7 @@ def _pair(first: tuple[str, Distribution], second: tuple[str, Distribution]) -> 
 
 
 def _onward(name: str, solution: Distribution) -> Iterator[SolverPair]:
-    """One step from each time to the next, the worst of them; none where it would take too many."""
+    """One step from each time to the next, the worst of them; none if it would take too many."""
     chain, gaps = chain_of(solution.space), np.diff(solution.times)
     if not gaps.size or chain.rate * float(gaps.max()) > MANY_STEPS:
         return

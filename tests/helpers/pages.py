@@ -97,12 +97,12 @@ def misspelt(line: str) -> str | None:
     """What is wrong with a command line, without running it: a command, an option or a value that is none."""
     words = list(takewhile(lambda word: word not in FOR_THE_SHELL, shlex.split(line, comments=True)))[1:]
     leaves = {name: command for name, command in commands() if not isinstance(command, click.Group)}
-    for n in (2, 1):
+    for n in (3, 2, 1):
         name = " ".join(words[:n])
         if name in leaves:
             break
     else:
-        return None if {"--help", "--version"} & set(words) else f"no command {words[:2]}"
+        return None if {"--help", "--version"} & set(words) else f"no command {words[:3]}"
     command, context = leaves[name], click.Context(leaves[name], info_name=name)
     try:
         for problem in _problems(command, context, words[n:]):

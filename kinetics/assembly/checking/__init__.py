@@ -1,1 +1,1 @@
-"""Verification of rule books: traps, starvation, off-target structures, growth without end."""
+"""Verification of rule books: traps, starvation, off-target structures, growth infinite."""

@@ -1,6 +1,6 @@
-"""Whether so many letters do: a search over rules, not letters, that shares no code with the compiler.
+"""Whether a number of letters suffices: a search over rules that shares no code with the compiler.
 
-Pieces of the target meet; where nothing is settled yet about what a cube reads, every answer is tried; and an answer
+Pieces of the target meet; if nothing is settled yet about what a cube reads, every answer is tried; and an answer
 falls with the first structure that is no piece of the target, or that comes with other letters than before.
 """
 
@@ -20,9 +20,9 @@ Join = tuple[int, int, int]  # two pieces, the smaller number first, and what th
 
 
 class PieceEvent(NamedTuple):
-    """Two pieces meet, or one breaks; cubes have names in the place of letters.
+    """Two pieces meet, or one breaks; cubes have names in place of letters.
 
-    after : where both cubes answer, the pieces, each with its cubes; those that answer are `0` and `1`
+    after : if both cubes answer, the pieces, each with its cubes; those that answer are `0` and `1`
     """
 
     before: tuple[int, ...]
@@ -63,7 +63,7 @@ class Pieces:
         return self.number.get(bare.canonical(self.scheme), -1), tuple([letter for _, letter in in_order])
 
     def docking(self, one: Structure, i: int, two: Structure, j: int) -> PieceEvent:
-        """Cube i of a piece, with its names, beside cube j of another; ValueError where they overlap or are apart."""
+        """Cube i of a piece, with its names, next to cube j of another. ValueError if they overlap or do not touch."""
         if not one.places.keys().isdisjoint(two.places):
             raise ValueError(f"{one} and {two} overlap")
         a, b = sorted(int(side.letters[0].split(".")[0]) for side in (one, two))
@@ -84,7 +84,7 @@ class Pieces:
         return PieceEvent((a, b), readings, [self.placed(made) if len(made) <= self.size else (-1, ())])
 
     def meetings(self, a: int, b: int) -> list[PieceEvent]:
-        """The ways in which two pieces meet; those that look alike, with like letters in like places, once."""
+        """The ways in which two pieces meet; equivalent ways count once."""
         if (a, b) not in self._met:
             one, two = self.shapes[a], self.shapes[b]
             firsts = [
@@ -176,7 +176,7 @@ class BookSearch:
             return None
 
     def _go_on(self, state: _State, n: int) -> int | None:
-        """Complete the rules so that all goes well from the n-th thing to do on: None where that works, else the rules
+        """Complete the rules so that all goes well from the n-th thing to do on: None if that works, else the rules
         that cannot all stay. Of the rules before, only those are tried again that have a part in a fault
         (conflict-directed backjumping; Prosser 1993, doi:10.1111/j.1467-8640.1993.tb00310.x).
         """
@@ -276,4 +276,4 @@ class BookSearch:
 
 
 class _Stopped(Exception):  # noqa: N818  it is no error
-    """The rules do what they must not; or, with arguments, nothing is settled about this reading."""
+    """The rules fail; or, with arguments, they are undecided for this reading."""

@@ -23,7 +23,7 @@ MOST_CASES = 4096  # choices among pairs of joins of which one must be left out
 
 
 class CheckedClaim(NamedTuple):
-    """One claim; holds: None where it was not decided."""
+    """One claim; holds: None if it was not decided."""
 
     claim: str
     holds: bool | None
@@ -37,7 +37,7 @@ def certified(book: RuleBook, certificate: Mapping[str, Any], most_steps: int = 
     """What is true of a certificate as `wellmixed rules compile --certificate` writes it.
 
     most_steps : of each search for a book of so many letters, some 20,000 a second
-    ValueError where the certificate is not of this kind of book.
+    ValueError if the certificate is not of this kind of book.
     """
     if book.target is None or book.seed_letter is not None:
         raise ValueError(f"book {book.name!r} names no target, or grows from a seed; such books have no certificate")
@@ -98,7 +98,7 @@ def _structure(cubes: Sequence[Sequence[int]]) -> Structure:
 
 
 def _impossible(pieces: Pieces, breaks: bool, pairs: Iterable[Mapping[str, Any]]) -> bool | None:
-    """Whether the target cannot be made of joins that cubes can tell from meetings that must not bond."""
+    """Whether every way to the target needs joins that cubes cannot distinguish from forbidden meetings."""
 
     def named(cubes: Sequence[Sequence[int]]) -> Structure:
         side = _structure(cubes)

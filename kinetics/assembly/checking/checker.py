@@ -39,7 +39,7 @@ def check(
 
 
 def report_of(examined: Examined, slow_waves: bool = True) -> Report:
-    """The same about an exploration that is there already.
+    """The report on an exploration made before.
 
     Slow waves are explored up to ten times as many structures, and to twice the cubes of the largest one at rest.
     """
@@ -65,7 +65,7 @@ def report_of(examined: Examined, slow_waves: bool = True) -> Report:
 
 
 def _why_no_waves(found: Exploration, slow_waves: bool) -> str:
-    """Why slow waves are not explored; "" where they are."""
+    """Why slow waves are not explored; "" if they are."""
     if not found.book.internal:
         return "none, as there are no internal rules"
     if not slow_waves:

@@ -22,7 +22,7 @@ def compositions(
 
     progress : called with the numbers of compositions explored and found
     until : structures; the search ends with the first composition that holds one
-    None where there are more than MAX_COMPOSITIONS.
+    None if there are more than MAX_COMPOSITIONS.
     """
     by_first: dict[int, list[StructureEvent]] = {}
     for event in events:

@@ -1,4 +1,4 @@
-"""Which cube becomes which: where joins, breaks and internal rules take each single cube of a structure."""
+"""The fate of each cube of a structure under joins, breaks and internal rules."""
 
 from __future__ import annotations
 

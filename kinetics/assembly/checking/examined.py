@@ -1,4 +1,4 @@
-"""An exploration, examined: what the checks look up in it, and the faults that single structures show."""
+"""An indexed exploration: lookups for the checks, and the faults of single structures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kinetics.assembly.structure import Structure
 
 
 class Examined:
-    """An exploration with what the checks look up in it.
+    """An exploration with indexes for the checks.
 
     progress : called with how much is explored and found, of cubes and compositions; it may raise to end the work
     """
@@ -28,13 +28,13 @@ class Examined:
 
     @cached_property
     def seed(self) -> int | None:
-        """The seed; None where there is none, or where its letter at once becomes that of a free cube."""
+        """The seed; None if there is none, or if its letter at once becomes that of a free cube."""
         seed, free = (cube and cube.canonical(self.book.scheme) for cube in (self.book.seed(), self.book.monomer()))
         return None if seed in (None, free) else 1  # explored right after the free cube
 
     @cached_property
     def targets(self) -> frozenset[int]:
-        """The target, and its mirror image in letters; empty where the book names none or never makes it."""
+        """The target, and its mirror image in letters; empty if the book names none or never makes it."""
         target, scheme = self.book.target, self.book.scheme
         if target is None:
             return frozenset()
@@ -42,7 +42,7 @@ class Examined:
         return frozenset(number for number, structure in made if same_to_rules(structure, target, scheme))
 
     def closure(self) -> Iterable[Finding]:
-        """Structures without end, explorations without end, rules without rest."""
+        """Structures infinite, explorations infinite, rules without rest."""
         found = self.found
         if found.beyond is not None:
             a, b, made = found.beyond
@@ -59,7 +59,7 @@ class Examined:
             yield Finding("livelock", True, f"{text} ({len(found.livelocks)} such events)")
 
     def shapes(self) -> Iterable[Finding]:
-        """What is no part of the target, and what never becomes it."""
+        """Findings: structures that are no part of the target, or never become it."""
         target, structures = self.book.target, self.found.structures
         if target is None:
             return
@@ -106,7 +106,7 @@ class Examined:
 
     @cached_property
     def lost(self) -> list[Cube]:
-        """The cubes that never come home; none where the book names no target or never makes it."""
+        """The cubes that can never end in a target; none if the book names no target or never makes it."""
         return lost_cubes(self.found, self.targets, self.progress) if self.targets else []
 
     def squeezes(self) -> Iterable[Finding]:
@@ -142,7 +142,7 @@ class Examined:
         return Finding(kind, is_error, text, steps, self.found.structures[event.after[0]], changes)
 
     def as_steps(self, events: Iterable[StructureEvent]) -> tuple[tuple[str, ...], tuple[Change, ...]]:
-        """Events in words and as structures."""
+        """Events as text and as structures."""
         steps = [
             (self.words(e), Change(*(tuple(self.found.structures[n] for n in side) for side in e))) for e in events
         ]

@@ -55,7 +55,7 @@ class Finding:
 
 
 class Home(NamedTuple):
-    """For which tanks it is shown that they can always still make all the targets that their cubes would make.
+    """The tanks proven recoverable: they can always still make every target that their cubes allow.
 
     proven : for all tanks (`any tank`), for where free cubes do not run out (`enough free cubes`), or `nothing`
     searched : numbers of cubes of the tanks of which every composition was searched

@@ -1,4 +1,4 @@
-"""Whether every cube can come home, into a target: for all tanks at once, from the events between structures alone.
+"""Recoverability: whether every cube can still end in a target, for all tanks at once, from events alone.
 
 The arguments are about what can happen, not about how soon. A tank has finitely many states, so what can happen from
 each of them happens sooner or later (Norris 1997, Markov Chains, section 3.5, doi:10.1017/CBO9780511810633).
@@ -19,7 +19,7 @@ Scope = Literal["any tank", "enough free cubes", "nothing"]
 def lost_cubes(
     found: Exploration, targets: Set[int], progress: Callable[[int, int], None] = lambda *_: None
 ) -> list[Cube]:
-    """The cubes that no chain of events leads into a target, whatever else the tank holds.
+    """The cubes that no sequence of events brings into a target, whatever else the tank holds.
 
     Each cube is followed by itself, and partners are taken to be there: one that is lost here is lost in every tank.
 
@@ -77,7 +77,7 @@ def finished(events: Iterable[StructureEvent], free: int, targets: Set[int]) -> 
 
 
 def scope(found: Exploration, seed: int | None, targets: Set[int], is_makeable: Callable[[], bool]) -> Scope:
-    """For which tanks it is proven that every cube can come home.
+    """The tanks in which every cube can provably still end in a target.
 
     seed : the structure that the tank holds once beside the free cubes, structure 0; None if there is none
     is_makeable : whether a target can be made of exactly its own number of free cubes, the seed among them; asked last

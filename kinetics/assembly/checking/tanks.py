@@ -14,9 +14,9 @@ Tank = Mapping[Indices, Sequence[tuple[StructureEvent, Indices]]]
 
 
 def in_tanks(examined: Examined) -> tuple[Home, list[Finding]]:
-    """For which tanks all cubes can come home, and the smallest tank that can starve.
+    """The tanks in which all cubes can still end in targets, and the smallest tank that can starve.
 
-    Tanks from one target's cubes to two targets' are searched where there is no proof for all of them.
+    Tanks from one target's cubes to two targets' are searched if there is no proof for all of them.
     """
     found, targets = examined.found, examined.targets
     if not targets or not found.is_closed:

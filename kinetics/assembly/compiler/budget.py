@@ -1,4 +1,4 @@
-"""How much a compilation may take: steps, which are the same on any machine, and a limit of time that ends it all."""
+"""The budget of a compilation: counted steps, equal on any machine, and a time limit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Clauses over letters: what holds of cells that have one letter each, and the solver that looks for these letters.
+"""Clauses over letters: constraints on cells with one letter each, and the solver for these letters.
 
 A literal is an even number, or that number and 1, its denial. Literals for `two cells have the same letter` and `two
 sets of cells have the same letters, each as often` are made when they are first asked for.
@@ -91,7 +91,7 @@ class Clauses:
         return found
 
     def _alike(self, one: tuple[int, ...], other: tuple[int, ...]) -> int:
-        """True where cells have the same letters as others, in any order; else as it may be."""
+        """True if cells have the same letters as others, in any order; else as it may be."""
         if (one, other) not in self._same:
             self._same[one, other] = alike = self.literal()
             first, second = self._count(one), self._count(other)
@@ -149,7 +149,7 @@ class Clauses:
         return False
 
     def _write(self) -> None:
-        """Put what was added to the solver's arrays, with room for what it may learn."""
+        """Write the added clauses to the solver's arrays, with room for learned ones."""
         lengths = [len(clause) for clause in self.pending]
         self.impossible |= 0 in lengths
         variables = self.n_literals // 2
@@ -174,7 +174,7 @@ class Clauses:
             self.learned = np.pad(self.learned, (0, clauses + 2))
 
     def _forget(self) -> None:
-        """Drop the longer half of what was learned if it is much, and make room."""
+        """Drop the longer half of the learned clauses if there are many."""
         lengths = np.diff(self.starts[: self.n_clauses + 1])
         learned = self.learned[: self.n_clauses]
         if learned.sum() > KEPT:

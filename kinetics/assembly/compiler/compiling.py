@@ -214,7 +214,7 @@ class _Asked:
             return Ruled(senses, str(error), isinstance(error, InfeasibleError), (), ())
 
     def turned(self, target: Target, senses: Senses) -> Compiled | Ruled:
-        """The same for a target whose cubes are turned."""
+        """A book for a target with cubes turned as given."""
         plan = self.plan(target, senses)
         joins, clashing = None, []
         if target.joins is not None:
@@ -237,7 +237,7 @@ class _Asked:
         return Ruled(senses, because, True, (reasons.situations(plan, every),), ())
 
     def explained(self, made: Compiled, ruled: list[Ruled]) -> Compiled:
-        """The result with what is known of weaker senses."""
+        """The result, with findings about weaker senses."""
         turned = ", cubes turned in the ways tried" if self.target.tops is None else ""
         weaker = (f"weaker senses{turned}: {'; '.join(map(str, ruled))}",) if ruled else ()
         proofs = tuple(each for each in ruled if each.is_proof)
@@ -245,7 +245,7 @@ class _Asked:
         return replace(made, searched=(*weaker, *made.searched), certificate=certificate)
 
     def why_not(self, ruled: list[Ruled]) -> str:
-        """Why there is no book, or none was found; and what would be enough."""
+        """Why there is no book, or none was found, and what would suffice."""
         proofs = [sensing(each.senses) for each in ruled if each.is_proof]
         if len(proofs) == len(ruled):
             others = f"nor is there one with {'; '.join(proofs[1:])}"
@@ -255,7 +255,7 @@ class _Asked:
         return f"{open_}{out}\n{self.remedy()}"
 
     def too_late(self, ruled: list[Ruled], following: Sequence[Senses]) -> str:
-        """What was decided before time was up, and what comes next."""
+        """What was decided within the time limit, and what comes next."""
         rest = f"; next: {'; '.join(map(sensing, following[1:]))}" if following[1:] else ""
         so_far = "; ".join(map(str, ruled)) or "nothing"
         return (
@@ -264,7 +264,7 @@ class _Asked:
         )
 
     def remedy(self) -> str:
-        """What would be enough, in words: stronger senses, or bonds that hold."""
+        """Text that says what would suffice: stronger senses, or unbreakable bonds."""
         own = self.target.senses
         for senses in self.ladder:
             if own is not None and senses != own and _is_stronger(senses, own):
@@ -283,7 +283,7 @@ class _Asked:
         return f"{tried} found to be enough in the steps and the time allowed"
 
     def _quick(self, senses: Senses) -> Compiled | Ruled | None:
-        """An attempt with fewer steps; None where it is out of question, or time is up."""
+        """An attempt with fewer steps; None if it is out of question, or time is up."""
         try:
             return self.rung(senses, REMEDY_STEPS)
         except (InfeasibleError, TimeoutError):

@@ -1,4 +1,4 @@
-"""Orders of growth in stages: where the seed is, how the cubes are turned, and what comes when, nobody misled.
+"""Growth orders in stages: place of the seed, turns of the cubes, and a docking sequence without clashes.
 
 Cubes that symmetry takes into each other come under the same rules: they make an orbit. A cube comes when it touches
 all its neighbours of earlier orbits, and nothing else; none has to squeeze in. As every cube learns when the next stage
@@ -41,7 +41,7 @@ SEEDS = 4  # places tried for the seed where the target names none
 
 @dataclass(frozen=True)
 class Course:
-    """The stages of a growth, the seed at the origin.
+    """A growth order in stages, with the seed at the origin.
 
     senses : of the cubes
     axes : of the tops of all cubes
@@ -58,7 +58,7 @@ class Course:
 
 
 class NoCourseError(Exception):
-    """No order of growth: a clash, in words; is_proof: all orders were tried."""
+    """There is no growth order: the clash as text; is_proof: all orders were tried."""
 
     def __init__(self, clash: str, is_proof: bool):
         super().__init__(clash)
@@ -101,7 +101,7 @@ class Planner:
 
     senses : of the cubes
     orbits : they come one after the other
-    axis : of the seed's top, at the origin; fixed : of all others, where given; else any that suits
+    axis : of the seed's top, at the origin; fixed : of all others, if given; else any that suits
     budget : most trials of an orbit
     """
 
@@ -216,13 +216,13 @@ class Planner:
 
 
 def is_tight(place: Position, touched: frozenset[Position]) -> bool:
-    """Whether a cube would come between two opposite ones, where it hardly gets in."""
+    """Whether a cube would dock between two opposite ones, which leave little room to enter."""
     six = beside(place)
     return any(a in touched and b in touched for a, b in zip(six[::2], six[1::2], strict=True))
 
 
 def clash_words(facts: Facts, stage: Stage) -> str:
-    """The clash in words: which cube reads the same as one that must not come."""
+    """The clash as text: which cube reads the same as one that must not dock."""
     for event in facts.events:
         bad = sorted(event & facts.forbidden)
         if len(bad) == len(event):
@@ -239,7 +239,7 @@ def clash_words(facts: Facts, stage: Stage) -> str:
 
 
 def planned_course(target: Target, senses: Senses, tick: Callable[[], None]) -> tuple[Course, Position]:
-    """An order of growth, and where the seed is.
+    """A growth order, and the place of the seed.
 
     tick : called again and again; its OutOfStepsError ends the search
     InfeasibleError: there is none for cubes with these senses; UndecidedError: none was found.

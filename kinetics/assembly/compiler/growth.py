@@ -1,4 +1,4 @@
-"""Growth of a target from a seed on its own lattice: the order in which cubes dock, and what each may read.
+"""Growth of a target from a seed on its lattice: the docking order, and the possible readings of each cube.
 
 For cubes with two face types. Such a cube is known by the axis of its top; it cannot tell left from right, so places
 that a turn or a mirror takes into each other look alike to it.
@@ -17,7 +17,7 @@ from kinetics.assembly.rules.conditions import Senses
 
 TOP, SIDE = "f1", "f2"
 ROLLS = ("parallel", "crossed")
-NOBODY, FREE = -1, -2  # the letter across where there is no cube, or where it is not sensed; that of a free cube
+NOBODY, FREE = -1, -2  # the letter across if there is no cube, or if it is not sensed; that of a free cube
 MOST_STATES = 6000  # of one stage; 16 cubes that come in any order make 4,500 or so
 Letters = dict[Position, int]
 
@@ -80,7 +80,7 @@ class Stage:
 def symmetries(
     turns: Iterable[Turn], letters: Mapping[Position, int], axes: Mapping[Position, int] | None
 ) -> list[Turn]:
-    """The turns that put cubes with these letters, and tops along these axes where given, onto themselves."""
+    """The turns that put cubes with these letters, and tops along these axes if given, onto themselves."""
 
     def fits(turn: Turn) -> bool:
         for place, letter in letters.items():
@@ -94,7 +94,7 @@ def symmetries(
 
 @dataclass
 class Facts:
-    """What may be read during growth, and what has to come of it.
+    """The possible readings during growth, and their required outcomes.
 
     events : for each cube that is to come, the ways in which it may dock; with its letter
     forbidden : those of cubes that must not come
@@ -125,7 +125,7 @@ def explore_stage(
     most: int = MOST_STATES,
     tick: Callable[[], None] = lambda: None,
 ) -> Letters:
-    """Put all that may be read while a stage goes on to the facts; the letters at its end.
+    """Add the possible readings of a stage to the facts; returns the letters at its end.
 
     turns : those that leave the lone seed as it is
     is_last : also look at what may not dock to the complete stage (else its letters belong to the next)

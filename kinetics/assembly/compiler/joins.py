@@ -56,7 +56,7 @@ class JoinSearch:
         return frozenset(join for join, literal in self.open.items() if self.clauses.true[literal])
 
     def only(self, joins: Iterable[Channel]) -> list[int]:
-        """Literals that are true where no other joins are open."""
+        """Literals that are true if no other joins are open."""
         wanted = frozenset(joins)
         return [literal ^ 1 for join, literal in self.open.items() if join not in wanted]
 
@@ -86,7 +86,7 @@ class JoinSearch:
         return bool(lost)
 
     def within(self, joins: Iterable[Channel]) -> list[int]:
-        """Literals that are true where some of these joins are open, and no others."""
+        """Literals that are true if some of these joins are open, and no others."""
         is_new, joins = self.clauses.literal(), frozenset(joins)
         self.clauses.add(is_new ^ 1, *(self.open[join] ^ 1 for join in joins))
         return [is_new, *self.only(joins)]

@@ -1,7 +1,7 @@
 """The merging of letters: fewer of them, without misleading any cube.
 
 Merging two letters makes some readings alike. Where those lead to different letters, these have to be merged as well;
-where one is of a cube that must not dock, the merge is refused. What is left grows exactly as before, step by step.
+if one is of a cube that must not dock, the merge is refused. What is left grows exactly as before, step by step.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from kinetics.assembly.compiler.growth import FREE, NOBODY, Around, Docking, Fac
 
 @dataclass(frozen=True)
 class ReadingTables:
-    """What cubes do on what they read.
+    """Reading -> reaction of a cube.
 
     hosts : readings of a cube that lets another one dock
     guests : reading of a cube that docks -> its letter
@@ -76,7 +76,7 @@ class ReadingTables:
 
 
 def tables_of(facts: Facts) -> ReadingTables | None:
-    """The tables of a growth, with all letters; None where some cube could not dock without misleading another."""
+    """The tables of a growth, with all letters; None if some cube could not dock without misleading another."""
     allowed = {docking for event in facts.events for docking in event} - facts.forbidden
     guests: dict[Reading, int] = {}
     for event, letter in facts.events.items():

@@ -12,7 +12,7 @@ from kinetics.assembly.compiler.orientation import MOST
 from kinetics.assembly.faces import ROTATIONS, IntArray, compose, scheme_of
 from kinetics.assembly.structure import Structure
 
-# Numbers drawn for a cube at a place, seen so; their sums are alike for alike parts, and hardly ever for others.
+# Numbers drawn for a cube at a place, seen so; their sums are alike for alike parts, and rarely for others.
 _DRAWN = np.random.default_rng(0).integers(1 << 58, size=(MOST, MOST, MOST, 24))
 
 
@@ -101,7 +101,7 @@ def pieces_of(whole: Structure, scheme: str, tick: Callable[[], None] = lambda: 
 
 
 def _names(sizes: Sequence[int]) -> list[str]:
-    """`3`, or `3.b` where several parts have that size."""
+    """`3`, or `3.b` if several parts have that size."""
     names = []
     for n, size in enumerate(sizes):
         number, suffix = sizes[:n].count(size), ""

@@ -33,7 +33,7 @@ class Channel(NamedTuple):
 
 
 class Wave(NamedTuple):
-    """What goes through a part after an event.
+    """A sequence of internal rules through a part after an event.
 
     part : the part that comes of it
     before : for each of its cubes, the unknown that was its letter
@@ -61,7 +61,7 @@ class Plan:
 
     dockings : its parts, and how they meet
     joins : the ways of each join of two parts into a part, by what the two cubes read
-    breaks : for each break, the waves that follow in the pieces; empty where bonds hold
+    breaks : for each break, the waves that follow in the pieces; empty if bonds hold
     """
 
     dockings: Dockings

@@ -83,7 +83,7 @@ class NotProvenError(Exception):
 
 
 def proven(plan: Plan, tables: Solution, tick: Callable[[], None] = lambda: None) -> tuple[RuleBook, tuple[str, ...]]:
-    """The book of a solution, with how it was proven; NotProvenError where it does not do what was asked.
+    """The book of a solution, with how it was proven; NotProvenError if it does not do what was asked.
 
     tick : called again and again; it may raise to end the work
     Neither derivation nor checker know anything of the search: they read the rules alone.

@@ -1,4 +1,4 @@
-"""Why there is no rule book: encounters that cubes cannot tell from a join, whatever their letters, and in words."""
+"""Why there is no rule book: meetings that cubes cannot distinguish from a join, whatever their letters."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _situations(plan: Plan, clash: Clash) -> str:
 
 
 def _twist(plan: Plan, meeting: Meeting) -> str:
-    """How the two cubes are twisted against each other, where it is not the same at any twist."""
+    """How the two cubes are twisted against each other, if it is not the same at any twist."""
     a, b = plan.parts[meeting.a].structure, plan.parts[meeting.b].structure.moved(meeting.placement)
     scheme, face = plan.senses.faces, a.face_towards(meeting.i, b.positions[meeting.j])
     other = b.face_towards(meeting.j, a.positions[meeting.i])

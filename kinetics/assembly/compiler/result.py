@@ -113,7 +113,7 @@ class Compiled:
 
     @property
     def capability(self) -> str:
-        """What the cubes sense, in words."""
+        """The senses of the cubes, as text."""
         return sensing(self.book.senses)
 
 

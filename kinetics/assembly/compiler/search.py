@@ -3,7 +3,7 @@
 What is sought:
 - the joins that are open have rules for both cubes, and no other meeting of two parts has;
 - after every join and every break, internal rules lead to the letters of what was made, and none acts in it then.
-Each part has one set of letters, and a free cube's may stand in larger parts, where its neighbours tell it apart.
+Each part has one set of letters, and a free cube's may stand in larger parts, if its neighbours tell it apart.
 A clause says of what is read that, letters being the same, so is the rule. There are too many such pairs, so those are
 written down that letters found before have broken, until letters break none.
 """
@@ -243,7 +243,7 @@ class LetterSearch(JoinSearch):
         return np.array(rows, np.int64).reshape(-1, 5)
 
     def _keys(self, letters: np.ndarray) -> tuple[list[int], list[int]]:
-        """What the readings met so far come to: pairs of numbers that are the same where all that is read is."""
+        """What the readings met so far come to: pairs of numbers that are the same if all that is read is."""
         fresh = []
         for r in self.known[len(self.table) :]:
             some = [[self.cells[u] for u in unknowns] for unknowns in (r.around, r.touched or ())]

@@ -165,7 +165,7 @@ def _by_stages(target: Target, senses: Senses, seed: int, budget: Budget, report
 
 
 def _weaker(senses: Senses) -> list[Senses]:
-    """The same senses, some left out; the fewest first."""
+    """Subsets of these senses, the smallest first."""
     names = [name for name in ("across", "roll", "touched") if getattr(senses, name)]
     kept = (some for size in range(len(names) + 1) for some in combinations(names, size))
     return [Senses(faces=senses.faces, **dict.fromkeys(some, True)) for some in kept]

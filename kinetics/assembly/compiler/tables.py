@@ -1,4 +1,4 @@
-"""Rule books from tables of readings, with as few conditions as will exclude what must not dock."""
+"""Rule books from tables of readings, with as few conditions as exclude every forbidden docking."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Condition = tuple[str, Neighbours]  # the kind, `has` or `neighbours`, "" for no
 def rules_of(
     tables: ReadingTables, names: dict[int, str], senses: Senses
 ) -> tuple[tuple[Combination, ...], tuple[Internal, ...]]:
-    """The rules that do what the tables say, and on what they say nothing about, anything that is simple.
+    """The simplest rules that follow the tables; readings outside the tables are free.
 
     names : of the letters; senses : of the cubes
     """
@@ -58,7 +58,7 @@ def _hosts(tables: ReadingTables, names: dict[int, str], senses: Senses) -> list
     title = _Titles()
     for letter, face in sorted({(host.own, host.face) for host in tables.hosts}):
         hosts, others = ([h for h in some if (h.own, h.face) == (letter, face)] for some in (tables.hosts, refused))
-        # how the newcomer is turned is for itself to see; asked here only where all else is the same
+        # how the newcomer is turned is for itself to see; asked here only if all else is the same
         is_clear = {h.around for h in hosts}.isdisjoint(h.around for h in others)
         ways = {None} if is_clear else {_way(h) for h in hosts}
         for way in sorted(ways, key=repr):
@@ -95,7 +95,7 @@ def _internal(tables: ReadingTables, names: dict[int, str]) -> tuple[Internal, .
         ends = sorted(set(read.values()) - {letter})
         for becomes in ends:
             good = {near for near, result in read.items() if result == becomes}
-            # rules that lead to different letters have to be told apart even where nothing ever reads so
+            # rules that lead to different letters have to be told apart even if nothing ever reads so
             conditions = covering(good, read.keys() - good) if len(ends) == 1 else [("neighbours", n) for n in good]
             rules.extend(
                 Internal(

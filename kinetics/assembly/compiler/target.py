@@ -56,10 +56,10 @@ class TargetFile(Settings):
 
 @dataclass(frozen=True)
 class Target:
-    """What is to be built, and what the rules may use for it.
+    """The structure to build, and the means that the rules may use.
 
     positions : lattice places, all different, connected through faces
-    tops, fronts : where each cube's top, and its front, look; None: the compiler turns the cubes
+    tops, fronts : direction in which each cube's top, and its front, point; None: the compiler turns the cubes
     senses : what the cubes can sense; None: the least that is enough
     seed : the place of the cube from which the assembly grows; None: it grows from free cubes alone
     joins : those allowed, by sizes (`1+2`) or by name (`2.a+1->3.b`); None: all
@@ -135,13 +135,13 @@ class Target:
 
 
 def check_join(join: str) -> None:
-    """ValueError where a join is not written as one."""
+    """ValueError if a join is not written as one."""
     if not _JOIN.fullmatch(join):
         raise ValueError(f"joins: {join!r} is none; write sizes, as in 1+2, or names, as in 2.a+1->3.b")
 
 
 def read_layers(layers: tuple[str, ...]) -> tuple[tuple[Position, ...], tuple[Direction, ...] | None]:
-    """Places, and tops where they are marked, of cubes drawn in layers (see TargetFile)."""
+    """Places, and tops if they are marked, of cubes drawn in layers (see TargetFile)."""
     drawn = [layer.strip("\n").split("\n") for layer in layers]
     shapes = {(len(layer), len(row)): (z, y) for z, layer in enumerate(drawn) for y, row in enumerate(layer)}
     if len(shapes) > 1:

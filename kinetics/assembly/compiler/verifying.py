@@ -1,6 +1,6 @@
 """The verification of seeded rule books: that they make their target and nothing else.
 
-The checker explores all that a book does where that is affordable, and random growths are tried.
+The checker explores all that a book does if that is affordable, and random growths are tried.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ MOST_STRUCTURES = 4000
 
 
 class WrongBookError(RuntimeError):
-    """A compiled book does not do what it was made for: a fault of the compiler."""
+    """A compiled book does not build its target: a fault of the compiler."""
 
     def __init__(self, book: RuleBook, fault: object):
         super().__init__(f"the book compiled for {book.name!r} is wrong, please report it: {fault}")
 
 
 def explored(book: RuleBook, progress: Callable[[int, int], None] | None = None) -> tuple[str, ...]:
-    """What trying every event of a seeded book has shown, a sentence each; WrongBookError where anything is wrong, or
+    """What trying every event of a seeded book has shown, a sentence each; WrongBookError if anything is wrong, or
     a cube is squeezed in.
     """
     assert book.target is not None  # noqa: S101  the compiler's books have one

@@ -1,4 +1,4 @@
-"""Waves of internal rules: word that a stage is complete travels to the seed, and leave for the next travels back.
+"""Waves of internal rules: a signal that a stage is complete travels to the seed, and permission for the next returns.
 
 To begin with, a cube's letter tells all it can know: its orbit, the stage, and whether all that hangs on it is
 complete. What of this is needed is found by merging letters (see `merging`).

@@ -139,7 +139,7 @@ def derive(
 
 
 def _refuse_open(found: Exploration) -> None:
-    """ValueError where the exploration is no proof."""
+    """ValueError if the exploration is no proof."""
     if found.beyond is not None:
         a, b, made = found.beyond
         raise ValueError(
@@ -153,7 +153,7 @@ def _refuse_open(found: Exploration) -> None:
 
 
 def named(found: Exploration) -> Derivation:
-    """What was found, species sorted by size and channels by what they make or take, with names."""
+    """The derivation with names, species sorted by size and channels by the structures that they make or take."""
     structures = sorted(found.structures, key=lambda s: (len(s), s.positions, s.rotations, s.letters))
     place = {structure: index for index, structure in enumerate(structures)}
     new_index = [place[structure] for structure in found.structures]
@@ -173,7 +173,7 @@ def named(found: Exploration) -> Derivation:
 
 
 def _names(structures: Sequence[Structure], book: RuleBook) -> list[str]:
-    """A name for each structure: by its size, with a letter where several have that size."""
+    """A name for each structure: by its size, with a letter if several have that size."""
     seed = book.seed()
     is_seed = [seed is not None and s == seed.canonical(book.scheme) for s in structures]
     sizes = [0 if apart else len(s) for s, apart in zip(structures, is_seed, strict=True)]
@@ -187,7 +187,7 @@ def _names(structures: Sequence[Structure], book: RuleBook) -> list[str]:
 
 
 def _name(size: int, number: int, alike: int) -> str:
-    """`trimer`, or `trimer.b` where several species have that size: .a to .z, .aa and on."""
+    """`trimer`, or `trimer.b` if several species have that size: .a to .z, .aa and on."""
     name = SIZE_NAMES[size - 1] if size <= len(SIZE_NAMES) else f"{size}-mer"
     if alike == 1:
         return name

@@ -24,7 +24,7 @@ class Change(NamedTuple):
 def shortest(
     n_structures: int, starts: Collection[int], events: Mapping[StructureEvent, object]
 ) -> tuple[list[float], dict[int, StructureEvent]]:
-    """The fewest events that make each structure, and the last of them; infinite and none where there is no way.
+    """The fewest events that make each structure, and the last of them; infinite and none if there is no way.
 
     starts : the structures that are there at the beginning
     """
@@ -42,7 +42,7 @@ def shortest(
 
 
 def way_to(goals: Sequence[int], made_by: Mapping[int, StructureEvent]) -> tuple[StructureEvent, ...]:
-    """The events that make some structures, in order; what is needed twice comes once."""
+    """The events that make some structures, in order, each once."""
     steps = dict[StructureEvent, None]()
 
     def make(index: int) -> None:
@@ -100,7 +100,7 @@ def random_growth(book: RuleBook, seed: int, max_cubes: int | None = None) -> tu
 
 
 def _docked(book: RuleBook, structure: Structure, cube: Structure, rng: np.random.Generator) -> Structure | None:
-    """The structure with one more cube, drawn among all ways; None where there is none."""
+    """The structure with one more cube, drawn among all ways; None if there is none."""
     free = [(face, view) for face in range(6) if (view := book.view(cube, 0, face)) is not None]
     ways = [
         (host, face, other, twist)
@@ -142,7 +142,7 @@ def fits_into(part: Structure, whole: Structure, scheme: str) -> bool:
 
 
 def alike_first(part: Structure, whole: Structure, scheme: str) -> Iterator[Structure]:
-    """The same, those first that share most letters with the cubes in whose places they lie."""
+    """Placements of `part` within `whole`, those first that share most letters with the cubes they cover."""
 
     def alike(copy: Structure) -> int:
         return sum(
@@ -154,7 +154,7 @@ def alike_first(part: Structure, whole: Structure, scheme: str) -> Iterator[Stru
 
 
 def laid_out(change: Change, scheme: str, turn: Callable[[Structure], Structure]) -> Change:
-    """The same change, its larger side turned by `turn` and the parts of the other side where they lie in it.
+    """A copy with its larger side turned by `turn` and the parts of the other side placed within it.
 
     What fits nowhere (letters aside) stays as it is.
     """

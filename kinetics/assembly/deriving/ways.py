@@ -101,7 +101,7 @@ def joins_at(
 
 
 def _twists(a: Structure, s: Site, b: Structure, t: Site) -> list[tuple[Placement, int]]:
-    """Placements that differ, and how many of the four each stands for."""
+    """Distinct placements, and how many of the four twists each represents."""
     four = placements(a, s.cube, s.face, b, t.cube, t.face)
     if len(s.turns) == len(t.turns) == 1:
         return [(placement, 1) for placement in four]
@@ -150,7 +150,7 @@ def touched(joined: Structure, n_first: int) -> int:
 
 
 def squeezes(joined: Structure, n_first: int) -> bool:
-    """Whether a cube of one part lies between two opposite cubes of the other, which it could hardly get past."""
+    """Whether a cube of one part lies between two opposite cubes of the other, which leave little room to pass."""
 
     def is_other(cube: int, place: tuple[int, int, int]) -> bool:
         other = joined.cube_at(place)

@@ -21,7 +21,7 @@ class Counterexample(NamedTuple):
     text : what is wrong
     is_error : else it is a warning
     steps : the events that lead there, in words; changes : their structures before and after, as they are to lie
-    structure : where it leads to; drawn by itself where there are no changes
+    structure : where it leads to; drawn by itself if there are no changes
     """
 
     text: str
@@ -47,7 +47,7 @@ def report_drawing(
 
 
 def counterexample_drawing(finding: Counterexample, scheme: str, most_wide: float = 24.0) -> Drawing:
-    """What is wrong in words, then the steps that lead there; the last picture is the counterexample."""
+    """A text that says what is wrong, then the steps that lead there; the last picture is the counterexample."""
     sheet = Drawing()
     colour, word = (ERROR, "error") if finding.is_error else (WARNING, "warning")
     text = f"{word}: {finding.text}"

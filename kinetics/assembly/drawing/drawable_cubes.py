@@ -23,7 +23,7 @@ class DrawableCubes(Protocol):
         """What is written on each cube."""
 
     def turned(self, rotation: int) -> Self:
-        """The same cubes turned about the lattice's origin."""
+        """A copy turned about the lattice's origin."""
 
     def __len__(self) -> int:
         """How many cubes there are."""

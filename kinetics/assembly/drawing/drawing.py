@@ -87,7 +87,7 @@ class Drawing:
         tag: Any = None,
         scale: float = 1.0,
     ) -> None:
-        """The same with a head at its end."""
+        """A line through points, with an arrow head at its end."""
         length, breadth = (scale * size for size in HEAD)
         tip = np.array(points[-1], dtype=float)
         back = np.array(points[-2], dtype=float) - tip

@@ -53,10 +53,10 @@ class SpeciesGroup(NamedTuple):
 
 @dataclass
 class DrawnReaction:
-    """A join and the break that undoes it, where there are both; of lumped species, all such.
+    """A join and the break that undoes it, if there are both; of lumped species, all such.
 
     larger, smaller : the parts; the smaller one is named at the disc
-    join, break : ways N, or of lumped species the number of channels; 0 where there are none
+    join, break : ways N, or of lumped species the number of channels; 0 if there are none
     """
 
     larger: int
@@ -99,7 +99,7 @@ def network_drawing(
 ) -> Drawing:
     """Species by size from left to right, in rows no wider than `most_wide` cube edges.
 
-    is_closed : whether these are known to be all species; the drawing says where they are not
+    is_closed : whether these are known to be all species; the drawing says if they are not
     max_species, max_reactions : of a larger network, all species of one size are drawn as one, with their number and
         that of the channels between them; the drawing says so
     """

@@ -136,7 +136,7 @@ def species_sheet(
 ) -> Drawing:
     """All species of a network with their names, in their order; then the key of the faces.
 
-    is_closed : whether these are known to be all; the sheet says where they are not
+    is_closed : whether these are known to be all; the sheet says if they are not
     """
     pictures = [structure_drawing(posed(structure), scheme) for structure in species.values()]
     sheet = arranged(pictures, list(species), most_wide)

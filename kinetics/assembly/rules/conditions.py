@@ -136,8 +136,8 @@ class Semantics(Settings):
 class BookTarget(Settings):
     """The finished structure: cubes at these places.
 
-    tops : where each cube's own top (f1 of scheme `two`) looks; upright if left out
-    fronts : where its own +x side looks, for schemes that can tell
+    tops : direction of each cube's own top (f1 of scheme `two`); upright if left out
+    fronts : direction of its own +x side, for schemes that can tell
     """
 
     cubes: tuple[tuple[int, int, int], ...]
@@ -146,7 +146,7 @@ class BookTarget(Settings):
     fronts: tuple[Direction, ...] | None = None
 
     def structure(self) -> Structure:
-        """The same as a structure."""
+        """These cubes as a `Structure`."""
         n = len(self.cubes)
         for name, given in (("tops", self.tops), ("fronts", self.fronts)):
             if given is not None and len(given) != n:
@@ -158,7 +158,7 @@ class BookTarget(Settings):
 
 
 def _turn(top: str, front: str | None) -> int:
-    """The first rotation that makes a cube's top, and its front where given, look where they should."""
+    """The first rotation that makes a cube's top, and its front if given, look where they should."""
     for rotation, directions in enumerate(turned.tolist()):
         if DIRECTIONS[directions[4]] == top and front in {None, DIRECTIONS[directions[0]]}:
             return rotation

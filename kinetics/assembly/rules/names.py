@@ -20,11 +20,11 @@ class Declared(Protocol):
 
     @property
     def initial(self) -> str:
-        """That of a free cube."""
+        """The letter of a free cube."""
 
     @property
     def seed_letter(self) -> str | None:
-        """That of the seed, if there is one."""
+        """The letter of the seed, or None without a seed."""
 
     @property
     def senses(self) -> Senses:
@@ -72,7 +72,7 @@ def check_names(book: Declared) -> None:
 
 
 def _check_condition(book: Declared, place: str, name: str, admitted: tuple[str, ...] | None) -> None:
-    """A rule's condition asks for what there is, and for what the book's cubes can sense."""
+    """ValueError if a rule's condition names something unknown, or that the book's cubes cannot sense."""
     scheme = scheme_of(book.scheme)
     if admitted is None:
         return

@@ -49,7 +49,7 @@ class View(NamedTuple):
     """All that a cube may read at an open face, within the senses of the book.
 
     letter, face, neighbours : its own letter, the face's type, the letters of the cubes bonded to it
-    across : the letter of the cube at the opposite face; "" where there is none
+    across : the letter of the cube at the opposite face; "" if there is none
     roll, touched : the twist, and the letters of all cubes touched; None while nothing docks
     """
 
@@ -112,7 +112,7 @@ class RuleBook:
     def fingerprint(self) -> str:
         """SHA-256 of the content; the file's name and comments do not count."""
         target = self.target and (self.target.positions, self.target.rotations, self.target.letters)
-        # What books came to declare later counts only where it is used, so that older books keep their names.
+        # What books came to declare later counts only if it is used, so that older books keep their names.
         held = {"bonds"} if self.semantics.bonds == "break" else set()
         content: list[Any] = [self.letters, self.initial, self.scheme, target, self.semantics.as_dict(without=held)]
         senses = {name: value for name, value in asdict(self.senses).items() if name != "faces" and value}
@@ -162,7 +162,7 @@ class RuleBook:
         return self.settle(Structure(((0, 0, 0),), (0,), (self.initial,)))
 
     def seed(self) -> Structure | None:
-        """The cube from which the assembly grows; None where the book needs none."""
+        """The cube from which the assembly grows; None if the book needs none."""
         if self.seed_letter is None:
             return None
         return self.settle(Structure(((0, 0, 0),), (0,), (self.seed_letter,)))
@@ -170,7 +170,7 @@ class RuleBook:
     def view(
         self, structure: Structure, cube: int, face: int, other: Structure | None = None, partner: int = 0
     ) -> View | None:
-        """What a cube reads at its own face (0..5); None where another cube covers it.
+        """What a cube reads at its own face (0..5); None if another cube covers it.
 
         other, partner : a structure that docks, already placed in this one's lattice, and its cube in front of the
             face; without them, what a cube can read only while docking is left open (None)
@@ -208,7 +208,7 @@ class RuleBook:
         """Place b in a's lattice and bond a's cube i with b's cube j, which must then lie side by side.
 
         Returns the joined structure, a's cubes first and then b's, with its letters rewritten and, with `settle`, the
-        internal rules applied; None where the rules refuse the bond or cubes would overlap. All cubes that touch are
+        internal rules applied; None if the rules refuse the bond or cubes would overlap. All cubes that touch are
         bonded, but only the two that dock run a combination rule.
         """
         placed = b.moved(placement)
@@ -255,7 +255,7 @@ class RuleBook:
         return tuple((members, self.settle(part) if settle else part) for members, part in parts)
 
     def settle(self, structure: Structure) -> Structure:
-        """Apply the internal rules, all cubes at once, again and again until nothing changes.
+        """Apply the internal rules to all cubes at once, until nothing changes.
 
         LivelockError: the letters return to what they were before.
         """
@@ -301,7 +301,7 @@ class RuleBook:
         return rule.becomes
 
     def _combined(self, own: View, partner: View) -> Rule | None:
-        """The rule that a cube follows as it bonds, or None where no rule is enabled."""
+        """The rule that a cube follows as it bonds, or None if no rule is enabled."""
         if any(end.letter == own.letter and end.neighbour in own.neighbours for end in self.semantics.finished):
             return None
         return self._answer("combine", **own._asdict(), partner=partner.letter, partner_face=partner.face)
@@ -313,7 +313,7 @@ class RuleBook:
         return self._rewritten(own, self._answer("dissociate", letter=own, neighbours=around, lost=lost))
 
     def _answer(self, kind: Literal["combine", "dissociate", "internal"], **reading: Any) -> Rule | None:
-        """The rule of a kind that fits a cube with this reading; None where no rule fits."""
+        """The rule of a kind that fits a cube with this reading; None if no rule fits."""
         key = (kind, *reading.values())
         if key not in self._answers:
             self._answers[key] = first_that_fits(self._tried[kind], reading)

@@ -91,5 +91,5 @@ def _value(value: Any) -> str:
         return f"{{ {', '.join(f'{name} = {_value(item)}' for name, item in asdict(value).items())} }}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_value, value))}]"
-    # a JSON string is a TOML string but for the one control character that JSON leaves bare
+    # a JSON string is a TOML string except for the one control character that JSON leaves bare
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -30,7 +30,7 @@ EXACT_AT = {Code.EXP: 0.0, Code.LOG: 1.0, Code.SINE: 0.0, Code.COSINE: 0.0}
 
 
 class Interval(NamedTuple):
-    """Numbers (...) that something is not below and not above; one array twice where it is known."""
+    """Lower and upper bounds (...) of a value; the same array twice if it is known exactly."""
 
     low: Any
     high: Any
@@ -42,7 +42,7 @@ class Interval(NamedTuple):
 
 
 def enclosed(steps: Iterable[Step], states: Ints) -> Interval:
-    """Between what numbers (...) a program's real value lies at states (..., S); nan where it may be undefined."""
+    """Bounds (...) on the real value of a program at states (..., S); nan if it may be undefined."""
     stack: list[Interval] = []
     kept: dict[int, Interval] = {}
     ends = np.zeros(states.shape[:-1], dtype=bool)  # where a guard found too few copies
@@ -90,7 +90,7 @@ def _outwards(values: Any, ulps: float) -> Interval:
 
 
 def _rounded(low: Any, high: Any, low_lost: Any, high_lost: Any) -> Interval:
-    """Ends rounded outwards, unless what they lost, exact end minus end, lies within; nan where that is not known."""
+    """Ends rounded outwards, unless what they lost, exact end minus end, lies within; nan if that is not known."""
     if low is high and np.all(low_lost == 0.0):
         return _point(low)
     inner_low, inner_high = low_lost >= 0.0, high_lost <= 0.0
@@ -100,14 +100,14 @@ def _rounded(low: Any, high: Any, low_lost: Any, high_lost: Any) -> Interval:
 
 
 def _added(x: Any, y: Any) -> tuple[Any, Any]:
-    """The sum of two numbers, and what its rounding lost (Knuth's TwoSum)."""
+    """The sum of two numbers, and its rounding error (Knuth's TwoSum)."""
     found = x + y
     part = found - x
     return found, (x - (found - part)) + (y - part)
 
 
 def _multiplied(x: Any, y: Any) -> tuple[Any, Any]:
-    """The product of two numbers, and what its rounding lost (Dekker's TwoProduct); nan where that may be lost."""
+    """The product of two numbers, and its rounding error (Dekker's TwoProduct); nan if that may underflow."""
     found = x * y
     (above, below), (over, under) = _split(x), _split(y)
     lost = below * under - (((found - above * over) - below * over) - above * under)
@@ -121,7 +121,7 @@ def _split(x: Any) -> tuple[Any, Any]:
 
 
 def _divided(x: Any, y: Any) -> tuple[Any, Any]:
-    """The quotient of two numbers, and a number of the sign of what its rounding lost."""
+    """The quotient of two numbers, and a number with the sign of its rounding error."""
     found = x / y
     back, lost = _multiplied(found, y)
     return found, np.where(x == 0.0, 0.0, ((x - back) - lost) * np.sign(y))
@@ -229,7 +229,7 @@ OF_TWO: dict[Code, Callable[[Interval, Interval], Interval]] = {
 
 
 def _compared(code: Code, x: Interval, y: Interval) -> Interval:
-    """1 where a comparison holds for certain, 0 where it does not, else both."""
+    """[1, 1] if a comparison certainly holds, [0, 0] if it certainly does not, else [0, 1]."""
     if code == Code.LESS:
         return _truth(x.high < y.low, x.low >= y.high)
     if code == Code.LESS_EQUAL:

@@ -106,13 +106,13 @@ class Event:
         return cast(dict[str, Expression], self.assign)
 
     def with_parameters(self, values: Mapping[str, float]) -> Event:
-        """The same event with these values of the parameters that it reads."""
+        """A copy with new values for the named parameters; the others keep theirs."""
         new = {name: value.with_parameters(values) for name, value in self.new_counts.items()}
         when, delay = self.condition.with_parameters(values), self.waits.with_parameters(values)
         return replace(self, when=when, assign=new, delay=delay)
 
     def check_names(self, species: Mapping[str, int]) -> None:
-        """A ValueError where it names a species or parameter that does not exist."""
+        """ValueError if it names a species or parameter that does not exist."""
         self.condition.check_names(f"event {self.name!r}", species)
         self.waits.check_names(f"event {self.name!r}", species)
         for name, value in self.new_counts.items():

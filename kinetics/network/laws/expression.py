@@ -70,14 +70,14 @@ class Expression:
         return self.text
 
     def with_parameters(self, values: Mapping[str, float]) -> Expression:
-        """The same formula with these values of the parameters that it reads, and its own values of the others."""
+        """A copy with new values for the named parameters; the others keep theirs."""
         made = copy(self)
         known = {**self.parameters, **{name: values[name] for name in self._names if name in values}}
         object.__setattr__(made, "parameters", known)
         return made
 
     def with_numbers(self, kept: Collection[str] = ()) -> Expression:
-        """The same formula with numbers in the place of its parameters, but for those that are kept."""
+        """A copy with numbers in place of its parameters, except those in `kept`."""
         graph = Graph(most=3 * len(self.formula) + len(self.parameters) + 10)
         numbers = {name: graph.number(value) for name, value in self.parameters.items() if name not in kept}
         if not numbers:
@@ -112,7 +112,7 @@ class Expression:
         return self.formula[-1].code in TRUTHS
 
     def check_names(self, what: str, species: Mapping[str, int]) -> None:
-        """A ValueError where a name is neither a parameter nor one of these species, or both."""
+        """ValueError if a name is neither a parameter nor one of these species, or both."""
         for name in self._names:
             if name not in species and name not in self.parameters:
                 known = some_names(self.parameters) or "none"

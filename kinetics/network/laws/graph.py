@@ -24,8 +24,8 @@ class Code(IntEnum):
     COUNT = 1  # push the count of species number `operand`
     CLOCK = 2  # push the time
     TIMES = 3  # multiply by that count less the number: the factor of mass action
-    GUARD = 4  # end with 0 where there are fewer copies than the number
-    REFUSE = 5  # what is above 0 becomes nan where there are fewer copies than the number
+    GUARD = 4  # end with 0 if there are fewer copies than the number
+    REFUSE = 5  # what is above 0 becomes nan if there are fewer copies than the number
     ADD = 6
     SUBTRACT = 7
     MULTIPLY = 8
@@ -88,7 +88,7 @@ class Graph:
         self._places: dict[object, int] = {}
 
     def add(self, code: Code, parts: Iterable[int] = (), value: float | str = 0.0) -> int:
-        """The place of a node, which is a new one only where there is none like it."""
+        """The place of a node; an equal node is reused."""
         node = Node(code, tuple(parts), value)
         # a zero has a sign, which == does not see
         key = (node, math.copysign(1.0, value)) if code == Code.CONSTANT and value == 0.0 else node
@@ -121,7 +121,7 @@ class Graph:
         return whole
 
     def is_known(self, place: int, value: float) -> bool:
-        """Whether a node is this number as it stands."""
+        """Whether a node is literally this number."""
         return self.nodes[place].code == Code.CONSTANT and self.nodes[place].value == value
 
     def formula(self, place: int) -> tuple[Node, ...]:

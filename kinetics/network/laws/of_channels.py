@@ -23,7 +23,7 @@ PIECE = 2**15  # states whose laws are enclosed at a time, which then stay in th
 
 @dataclass(frozen=True, eq=False)
 class ChannelLaw:
-    """The rate law of one channel, h(s, t) in the place of the combinations of its reactants.
+    """The rate law of one channel, h(s, t) in place of the combinations of its reactants.
 
     places : species -> its position, for all species
     needed : positions (n,) and copies (n,) of the channel's reactants
@@ -38,7 +38,7 @@ class ChannelLaw:
 
     @cached_property
     def program(self) -> list[Step]:
-        """The law as a program that obeys `at_zero` where reactants are missing."""
+        """The law as a program that obeys `at_zero` if reactants are missing."""
         needs = list(zip(*(part.tolist() for part in self.needed), strict=True))
         if self.at_zero == "block":
             return [*(Step(Code.GUARD, s, float(copies)) for s, copies in needs), *self._bare]
@@ -57,7 +57,7 @@ class ChannelLaw:
     def rate_error(self, states: Ints, constant: float, ways: float) -> float:
         """Bound on the relative error of the rates constant * ways * h at states (N, S), in roundings of 2**-53.
 
-        The largest over the states, beside the law's real value (see `laws.enclosure`); inf where it is not known to
+        The largest over the states, beside the law's real value (see `laws.enclosure`); inf if it is not known to
         three digits, or not whether it is 0. The law depends on no time.
         """
         from kinetics.network.laws.enclosure import enclosed
@@ -79,7 +79,7 @@ class ChannelLaw:
         return 1.001 * worst / ROUNDING
 
     def values(self, states: Ints, time: float) -> Floats:
-        """h (...) at states (..., S) and a time in tu; a ValueError where it is below 0, infinite or undefined."""
+        """h (...) at states (..., S) and a time in tu; ValueError if it is below 0, infinite or undefined."""
         values = evaluate(self.program, states, time)
         bad = ~((values >= 0.0) & (values < np.inf))
         if bad.any():
@@ -125,7 +125,7 @@ def _parsed(channel: str, law: str | Expression, parameters: Mapping[str, float]
 def split_rates(
     given: Any, channels: tuple[str, ...], parameters: Mapping[str, float]
 ) -> tuple[ArrayLike | None, dict[str, Expression]]:
-    """Rate constants, 1 where there is a law, and the laws."""
+    """Rate constants, 1 if there is a law, and the laws."""
     if isinstance(given, str | Mapping):
         raise ValueError(f"rates are {given!r}; expected a sequence, one rate constant or law a channel")
     rates = None if given is None else list(given)

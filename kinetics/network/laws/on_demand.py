@@ -43,7 +43,7 @@ def checked_events(events: Sequence[Event], species: Mapping[str, int]) -> tuple
 def split_rates(
     given: Any, channels: tuple[str, ...], parameters: Mapping[str, float]
 ) -> tuple[ArrayLike | None, dict[str, Expression]]:
-    """Rate constants, 1 where there is a law, and the laws, see `of_channels.split_rates`."""
+    """Rate constants, 1 if there is a law, and the laws, see `of_channels.split_rates`."""
     if given is None or (not isinstance(given, str | Mapping) and all(hasattr(rate, "__float__") for rate in given)):
         return given, {}
     from kinetics.network.laws import of_channels

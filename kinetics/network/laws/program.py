@@ -60,14 +60,14 @@ def steps_of(expression: Expression, places: Mapping[str, int], folds: bool = Tr
     """The program of an expression; its steps are in proportion to the nodes.
 
     places : number of each species
-    folds : whether what depends on nothing is the number that it is found to be, rounded
+    folds : whether constant nodes are folded into their rounded value
     """
     expression.check_names("expression", places)
     return _Compiling(expression, places, folds).steps()
 
 
 def known_numbers(expression: Expression) -> list[float | None]:
-    """The number that each node of an expression is at all states and times; None where it is none, or not finite."""
+    """The constant value of each node of an expression; None if it is not constant, or not finite."""
     found: list[float | None] = []
     learn_numbers(expression.formula, found, expression.parameters)
     return [number if number is not None and math.isfinite(number) else None for number in found]
@@ -76,7 +76,7 @@ def known_numbers(expression: Expression) -> list[float | None]:
 def learn_numbers(
     nodes: Sequence[Node], known: list[float | None], parameters: Mapping[str, float] | None = None
 ) -> None:
-    """Append the number of each node that is not known yet; None where it depends on counts or the time."""
+    """Append the constant value of each new node; None if it depends on counts or the time."""
     with np.errstate(all="ignore"):
         for code, parts, value in nodes[len(known) :]:
             found: float | None = None
@@ -227,7 +227,7 @@ def _evaluated(steps: Sequence[Step], states: Ints, time: float) -> Floats:
 
 
 def depth(steps: Iterable[Step]) -> int:
-    """Most numbers that a program holds: on the stack, and kept beside it."""
+    """Largest count of numbers that a program holds, on the stack and in registers."""
     height = deepest = kept = 0
     for code, _, _ in steps:
         if code in (Code.CONSTANT, Code.COUNT, Code.CLOCK, Code.RECALL):

@@ -84,7 +84,7 @@ class Dialect:
 
 
 class FormulaError(ValueError):
-    """What is no formula. fault : what is wrong; place : where in the text, from 0"""
+    """A text that is not a formula. fault : what is wrong; place : where in the text, from 0"""
 
     def __init__(self, told: str, fault: str, place: int) -> None:
         super().__init__(told)
@@ -100,7 +100,7 @@ class Token(NamedTuple):
 
 
 def tokens_of(text: str) -> Iterator[Token]:
-    """The pieces of a text; a ValueError where it is too long, or holds what no formula does."""
+    """The tokens of a text. ValueError if it is too long, or holds characters that no formula has."""
     check_length(text)
     place, end = 0, len(text.rstrip())
     while place < end:
@@ -126,7 +126,7 @@ def unreadable(text: str, place: int, why: str) -> FormulaError:
 
 
 def around(text: str, place: int) -> str:
-    """The text, or of a long one what stands about a place in it."""
+    """The text, or an excerpt around a place if it is long."""
     start = max(0, place - SHOWN // 2) if len(text) > SHOWN else 0
     return text[start : start + SHOWN]
 

@@ -64,7 +64,7 @@ def uses_of(formula: Sequence[Node]) -> list[int]:
 
 
 def number_text(value: float) -> str:
-    """A number, without a fraction where it has none; pi by its name."""
+    """A number as text, without a decimal point if it is whole; pi by its name."""
     if value == math.pi:
         return PI
     is_whole = value == int(value) and abs(value) < 1e15

@@ -1,4 +1,4 @@
-"""What a command says where something went wrong, and the exit code that it ends with.
+"""What a command says if something went wrong, and the exit code that it ends with.
 
 To see where an error came from, a user gives `--debug` before the command.
 """

@@ -35,7 +35,7 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print one JS
 
 
 def _part(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | int | None:
-    """A number of states where it is one, else a condition."""
+    """A number of states if it is one, else a condition."""
     return int(value) if value is not None and value.strip().isdigit() else value
 
 
@@ -60,6 +60,7 @@ truncate_option = click.option(
 PICTURES = (".png", ".pdf", ".svg")
 
 
+Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 Named = TypeVar("Named", str | None, tuple[str, ...])  # the file of an option, or the files of one that is repeated
 
 
@@ -127,7 +128,37 @@ class OptionToldLate(click.Option):
         return super().get_help_record(ctx)
 
 
-class NumbersCommand(click.Command):
+HEADING = "Options"  # of those that state none
+RULES, FILES = "For rule books and rates files", "For network files"
+
+
+def heading(text: str) -> Callable[[Decorated], Decorated]:
+    """State the heading in `--help` of the options below this line, up to the next heading."""
+
+    def mark(command: Decorated) -> Decorated:
+        for param in getattr(command, "__click_params__", ()):
+            if not hasattr(param, "heading"):
+                param.heading = text
+        return command
+
+    return mark
+
+
+class HeadedCommand(click.Command):
+    """A command whose help prints its options by heading."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write a section a heading, that of options without one first."""
+        sections: dict[str, list[tuple[str, str]]] = {}
+        for param in self.get_params(ctx):
+            if isinstance(param, click.Option) and (record := param.get_help_record(ctx)) is not None:
+                sections.setdefault(getattr(param, "heading", HEADING), []).append(record)
+        for title in sorted(sections, key=lambda title: title != HEADING):
+            with formatter.section(title):
+                formatter.write_dl(sections[title])
+
+
+class NumbersCommand(HeadedCommand):
     """A command whose repeatable options take several numbers in one go: `--times 10 50 100`.
 
     Every option declared with `multiple=True` does; `--times 10 --times 50` means the same.
@@ -197,7 +228,7 @@ def time_grid(duration: float | None, times: tuple[float, ...]) -> Floats:
 
 
 def echo_json(data: dict[str, Any]) -> None:
-    """One JSON object on standard output; arrays become lists, and what is not finite becomes null."""
+    """Print one JSON object; arrays become lists, and numbers that are not finite become null."""
     click.echo(json.dumps(plain(data), allow_nan=False))
 
 
@@ -223,7 +254,7 @@ def _is_number(word: str) -> bool:
 
 
 class ModelOptions(NamedTuple):
-    """What the command line says about a model: rule book or network file, rates, counts at time 0, tank."""
+    """The model options of a command: rule book or network file, rates, counts at time 0, tank."""
 
     source: str
     rates_name: str | None = None
@@ -246,14 +277,13 @@ def model_options(command: Callable[..., None]) -> Any:
 
     decorated: Any = with_model
     for decorate in (
+        click.option("--initial", metavar="SPECIES=COUNT,...", help="Counts at time 0, as in monomer=20,dimer=20."),
+        heading(HEADING),
         click.option(
-            "--tank",
-            "edges",
-            metavar="X Y Z",
-            nargs=3,
+            "--copies-per-unit",
+            metavar="N",
             type=float,
-            help="Edges of the tank in which it happens; meetings become rarer with its volume.  "
-            "[default: as in the rates]",
+            help="Copies in one unit of the file's amounts; needed if these are not whole numbers.",
         ),
         click.option(
             "--set",
@@ -261,15 +291,17 @@ def model_options(command: Callable[..., None]) -> Any:
             metavar="NAME=VALUE",
             multiple=True,
             callback=_values,
-            help="Give a parameter of a network file this value; may be repeated.",
+            help="Give a parameter this value; may be repeated.",
         ),
+        heading(FILES),
         click.option(
-            "--copies-per-unit",
-            metavar="N",
+            "--tank",
+            "edges",
+            metavar="X Y Z",
+            nargs=3,
             type=float,
-            help="Copies that one unit of a network file's amounts is; needed where these are no whole numbers.",
+            help="Edges of the tank; joins become rarer with its volume.  [default: as in the rates]",
         ),
-        click.option("--initial", metavar="SPECIES=COUNT,...", help="Counts at time 0, as in monomer=20,dimer=20."),
         click.option("--cubes", metavar="N", type=click.IntRange(min=1), help="Number of single cubes at time 0."),
         click.option(
             "--rates",
@@ -278,6 +310,7 @@ def model_options(command: Callable[..., None]) -> Any:
             shell_complete=shipped("rates"),
             help="Rate constants: a shipped table such as table3, or a .toml file.",
         ),
+        heading(RULES),
         click.argument(
             "source",
             metavar="NETWORK|FOLDER",

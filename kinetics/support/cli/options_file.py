@@ -1,4 +1,4 @@
-"""Options from a file, for what the command line leaves open.
+"""Options from a file, for those that the command line does not give.
 
     [predict]
     runs = 500
@@ -43,7 +43,7 @@ def _check_commands(ctx: click.Context, group: click.Command, tables: Mapping[st
 
 
 def defaults_of(ctx: click.Context, command: click.Command, name: str) -> dict[str, Any] | None:
-    """The table of a command as defaults of its parameters, by their names in Python; None where there is none."""
+    """The table of a command as defaults of its parameters, by their names in Python; None if there is none."""
     table = (ctx.default_map or {}).get(name)
     if table is None or FILE not in ctx.meta:
         return table
@@ -68,7 +68,7 @@ def defaults_of(ctx: click.Context, command: click.Command, name: str) -> dict[s
 
 
 def _form(option: click.Option, value: Any) -> str:
-    """What form an option's value should have had; "" where it has that."""
+    """What form an option's value should have had; "" if it has that."""
     if option.is_flag:
         return "" if isinstance(value, bool) else "true or false"
     if option.nargs != 1:

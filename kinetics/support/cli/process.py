@@ -23,7 +23,7 @@ from kinetics.support.cli.failures import BROKEN_PIPE, CHECKED, INTERRUPTED, OUT
 
 
 class StandardStream(io.FileIO):
-    """A descriptor of this process that takes every write; what is printed after one that failed is dropped.
+    """A descriptor of this process that accepts every write; output after a failed write is dropped.
 
     lost : the error of the first write that failed, None if there was none
     """
@@ -34,7 +34,7 @@ class StandardStream(io.FileIO):
         super().__init__(descriptor, "wb", closefd=False)
 
     def write(self, data: Any) -> int:
-        """Write what can be written, and say that it was all."""
+        """Write as much as possible, and report all of it as written."""
         if self.lost is None and self.closed_before:
             self.lost = OSError(errno.EBADF, "it is closed")
         while self.lost is None:
@@ -117,7 +117,7 @@ def heed_lost_interrupts() -> None:
 
 
 def exit_code(code: int) -> int:
-    """The exit code of a command that is over, once all that it has printed is out: a lost result is no success."""
+    """The exit code of a finished command, after its output is flushed; a lost result is a failure."""
     lost = _lost()
     if lost is None or code not in (0, CHECKED, STOPPED):
         return code

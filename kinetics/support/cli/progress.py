@@ -1,7 +1,7 @@
-"""What a command says on standard error while it works: how far it is, what that will take, and that it is still there.
+"""Progress messages on standard error: the work done, the forecast, and a sign of life.
 
 At a terminal it is one line, rewritten in place; elsewhere a line is printed every 30 s. Code far below a command names
-what it does by `stage`, and what it will cost by `forecast`; both are silent where no command runs. Standard output
+what it does by `stage`, and what it will cost by `forecast`; both are silent if no command runs. Standard output
 stays free of all of it.
 """
 
@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from typing import Any
 
 BUDGET = 120.0  # minutes of CPU time; as much as the limits of the solving methods
-EVERY = 30.0  # s between lines where there is no terminal
+EVERY = 30.0  # s between lines if there is no terminal
 REDRAWN = 0.1  # s between states of the line at a terminal, at least
 TICK = 1.0  # s
 LONG = 10.0  # s of work, which are worth a forecast
@@ -56,7 +56,7 @@ class Progress:
         self.is_forecast = False
 
     def __call__(self, text: str, share: float | None = None) -> None:
-        """Say what is done now; the share is between 0 and 1."""
+        """Print the work under way; the share done is between 0 and 1."""
         now = self.clock()
         self.text = text
         if share is not None:
@@ -77,7 +77,7 @@ class Progress:
                 self._say_length(left, f" left after {self.text}")
 
     def forecast(self, seconds: float, what: str, at_once: int = 1) -> None:
-        """Say what work will take, s of CPU time on so many processors at once, if that is long.
+        """Print a forecast of CPU time, s, on so many processors at once, if it is long.
 
         click.ClickException, with exit code 2: it is beyond the budget
         """
@@ -94,7 +94,7 @@ class Progress:
             _write(f"{CLEAR if self.in_place else ''}forecast: about {span(seconds)}{of}\n")
 
     def tick(self) -> None:
-        """Say again what is done, if nothing was said for long."""
+        """Repeat the current message if none was printed for long."""
         now = self.clock()
         left = f", about {span(self.ends - now)} left" if self.ends > now else ""
         line = f"{self.text}, {span(now - self.began)} so far{left}"
@@ -126,7 +126,7 @@ def _refusal(said: str) -> Exception:
 
 
 def _write(text: str) -> None:
-    """On standard error as it is now; one that is absent, closed or gone is told nothing."""
+    """Write to the current standard error, unless it is absent or closed."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         sys.stderr.write(text)
         sys.stderr.flush()
@@ -196,7 +196,7 @@ def forecast(seconds: float, what: str, at_once: int = 1) -> None:
 
 
 def allowed(otherwise: float) -> float:
-    """CPU time, s, that the budget of the command at work allows; `otherwise` where none runs, or has none."""
+    """CPU time, s, that the budget of the command at work allows; `otherwise` if none runs, or has none."""
     budget = _open[-1].budget if _open else None
     return otherwise if budget is None else budget
 
@@ -211,7 +211,7 @@ SPANS = (("s", 1.0, 120.0), ("min", 60.0, 7200.0), ("h", 3600.0, 172_800.0), ("d
 
 
 def is_heard() -> bool:
-    """Whether a command runs, which says what `stage` and `forecast` tell it."""
+    """Whether a command runs that prints the messages of `stage` and `forecast`."""
     return bool(_open)
 
 

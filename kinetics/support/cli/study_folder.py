@@ -28,7 +28,7 @@ def or_study_folder(file: str, fills: Mapping[str, Filler]) -> dict[str, Any]:
     """Settings of a click argument that takes a file of its kind, or the folder of a study that holds one.
 
     file : which of the folder's files the folder then stands for
-    fills : options that the folder fills where they are not given: parameter -> its file there, or a function of the
+    fills : options that the folder fills if they are not given: parameter -> its file there, or a function of the
         folder
 
     BadParameter: a folder that does not hold the file.

@@ -41,9 +41,9 @@ Result = EnsembleStatistics | Distribution | Floats
 
 @dataclass(frozen=True)
 class Curve:
-    """A method and the knob that is turned.
+    """A method and the setting that varies.
 
-    settings : of the knob, from the cheapest on; one that is meaningless where there is no knob
+    settings : of the knob, from the cheapest on; one that is meaningless if there is no knob
     make : the answer to a task at a setting; the repeat tells which runs, where chance is involved
     """
 
@@ -92,7 +92,7 @@ def solved(method: Callable[[float], SolvingMethod]) -> Callable[[Task, float, i
 
 
 def solver_curve(method: type[SolvingMethod]) -> Curve:
-    """The curve of a solving method: over its tolerances where it has one, else a single point."""
+    """The curve of a solving method: over its tolerances if it has one, else a single point."""
     kind: Callable[..., SolvingMethod] = method
     if method.tried_up_to is not None:
         kind = partial(kind, max_states=method.tried_up_to)

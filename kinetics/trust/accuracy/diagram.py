@@ -35,11 +35,11 @@ Timed = Callable[[Callable[[], Any]], tuple[Any, float]]
 
 @dataclass(frozen=True)
 class CostPoint:
-    """What a method came to at a setting.
+    """Cost and error of a method at one setting.
 
     repeats : how often it was tried; cpu_seconds : of one try, the median
     error : mean over the repeats; low, high : smallest and largest distance in copies among them
-    bound : proven bound on the distance from the exact distribution, copies; None where none is proven
+    bound : proven bound on the distance from the exact distribution, copies; None if none is proven
     chosen : of an accuracy that was asked for, the method that answered
     """
 
@@ -67,14 +67,14 @@ class LeftOut:
 
 @dataclass(frozen=True, repr=False)
 class Diagram(Shown, Tabular):
-    """All points, and what they are measured against.
+    """All points, and their exact reference.
 
     times : (T,) tu at which the distributions are compared
     reference_bound : bound on the distance of the reference from the exact distribution, copies; smaller errors of
         others are differences from the reference and nothing more
     is_proven : whether that bound is proven, else an estimate
-    floors : runs -> expected error of so many independent exact runs at the time where it is largest
-    is_complete : whether all was tried that the budget allowed; not so where someone interrupted
+    floors : runs -> expected error of so many independent exact runs at the time when it is largest
+    is_complete : whether all was tried that the budget allowed; not so if someone interrupted
     """
 
     title: str
@@ -325,7 +325,7 @@ def _chosen(result: Result) -> str:
 
 
 def _timed(clock: Callable[[], float], make: Callable[[], Any]) -> tuple[Any, float]:
-    """What it makes, and what that cost, s."""
+    """The result of a call, and its CPU time, s."""
     began = clock()
     made = make()
     return made, clock() - began

@@ -1,4 +1,4 @@
-"""Distances of a result from the exact distribution of each species, and what exact sampling is expected to reach."""
+"""Distances of a result from the exact distribution of each species, and their expectation for exact sampling."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Certainty:
 
 
 def sampling_floor(exact: Marginals, runs: int) -> float:
-    """Expected distance, copies, of the shares among `runs` independent exact runs, where it is largest.
+    """Expected distance, copies, of the shares among `runs` independent exact runs, at the time when it is largest.
 
     The area between the distribution functions is a sum of |X / n - F| with binomial X, whose mean is known in closed
     form (De Moivre; Diaconis & Zabell 1991). The mean of the largest distance is no smaller than this.

@@ -58,7 +58,7 @@ def _cancellation() -> Iterator[Attempt]:
 
 
 def _beyond(solution: Distribution, exact: Floats) -> float:
-    """Summed error over the one that is stated; infinite where this is no bound."""
+    """Summed error over the one that is stated; infinite if this is no bound."""
     off = float(np.abs(solution.marginal("X")[0] - exact).sum())
     return off / solution.error if solution.is_bound else float("inf")
 

@@ -20,7 +20,7 @@ CHANCE = 1e-9  # of a right sampler to look wrong, each time
 class Attempt:
     """One method on one hard case.
 
-    error : what it was off by, as the case says; nan where the right answer is a refusal
+    error : what it was off by, as the case says; nan if the right answer is a refusal
     allowed : up to here it is right
     seconds : of processor time
     refusal : the message of a clear refusal
@@ -91,7 +91,7 @@ def beyond_its_error(solution: Distribution, exact: ArrayLike) -> float:
 
 
 def relative(found: ArrayLike, exact: ArrayLike) -> float:
-    """Largest relative error; infinite where something was found that must be 0."""
+    """Largest relative error; infinite if something was found that must be 0."""
     found, exact = np.atleast_1d(np.asarray(found, dtype=float)), np.atleast_1d(np.asarray(exact, dtype=float))
     off = np.abs(found - exact)
     with np.errstate(divide="ignore"):

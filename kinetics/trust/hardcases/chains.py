@@ -20,14 +20,14 @@ DIGITS = 1e-13
 
 
 def within(answer: Answer, exact: float | Fraction) -> float:
-    """Relative error of an answer; infinite where the right one lies outside its limits, or these are not proven."""
+    """Relative error of an answer; infinite if the right one lies outside its limits, or these are not proven."""
     near = Fraction(exact) * Fraction(1, 2**52)  # as far as the right answer may itself be rounded
     holds = Fraction(answer.low) - near <= Fraction(exact) <= Fraction(answer.high) + near
     return relative(answer.value, float(exact)) if holds and answer.is_bound else np.inf
 
 
 def _line(ups: Floats, downs: Floats | None = None) -> Floats:
-    """Rates (n + 1, n + 1) of n steps up and, where given, down."""
+    """Rates (n + 1, n + 1) of n steps up and, if given, down."""
     return np.diag(ups, 1) + (0.0 if downs is None else np.diag(downs, -1))
 
 

@@ -37,7 +37,7 @@ def _large_counts() -> Iterator[Attempt]:
     def off(method: Any, start: int) -> float:
         net = network({"turn": ({"X": 1}, {"Y": 1}, 20.0 / start)})
         counts = method.simulate(net, [start, 0], [1.0], runs=50, seed=2).counts[:, 0]
-        # 50 Poisson numbers of mean 20: their mean is 20 +- 4 but for a chance of 1e-9
+        # 50 Poisson numbers of mean 20: their mean is 20 +- 4 except for a chance of 1e-9
         return float(abs(counts.sum(axis=1) - start).max()) + max(0.0, abs(counts[:, 1].mean() - 20.0) - 4.0)
 
     def missed(start: int) -> float:
@@ -59,7 +59,7 @@ def _extinction() -> Iterator[Attempt]:
     left = n * np.exp([-1.0, -10.0])
 
     def off(method: Any) -> float:
-        """Seven standard deviations at two times; and any left at a third, by which none are but for 3e-10."""
+        """Seven standard deviations at two times; and any left at a third, by which none are except for 3e-10."""
         counts = method.simulate(net, [n], [1.0, 10.0, 36.0], runs=2, seed=3).counts[:, :, 0]
         return float(max((abs(counts[:, :2] - left) / np.sqrt(left)).max() / 7.0, 2.0 * counts[:, 2].max()))
 
@@ -138,7 +138,7 @@ def _summed(found: Any, exact: Any) -> float:
 def _away(
     method: SamplingMethod | SolvingMethod, net: Network, start: list[int], times: list[float], end: list[int]
 ) -> float:
-    """How far the mean is from where it must be."""
+    """Distance of the mean from its exact value."""
     if isinstance(method, SolvingMethod):
         mean = method.solve(net, start, times).mean()
     else:

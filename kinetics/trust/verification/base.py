@@ -12,7 +12,7 @@ from kinetics.trust.verification.sampler_runs import SamplerRuns
 
 @dataclass(frozen=True)
 class SamplerFinding:
-    """One figure of the runs beside its exact value.
+    """One figure of the runs with its exact value.
 
     p_value : largest probability with which a right sampler comes out as far away
     level : the finding fails at this p-value or below; 0 until `verify` has shared out the false alarms

@@ -29,12 +29,12 @@ class Expectations(NamedTuple):
 
 
 def chain_of(space: StateSpace) -> DiscreteChain:
-    """The uniformised chain of a space; what leaves a projection is lost."""
+    """The uniformised chain of a space; probability that leaves a projection is truncated."""
     return DiscreteChain.of(space.transitions(), most_out=len(space.network.channels))
 
 
 def expected_after(chain: DiscreteChain, functions: Floats, gap: float) -> Expectations | None:
-    """Expectations of functions (N, K), none negative and at most 1, after `gap` tu; None where it takes too long.
+    """Expectations of functions (N, K), none negative and at most 1, after `gap` tu; None if it takes too long.
 
     Uniformisation of du/dt = Q u. The steps are those of the forward equation, whose bound on rounding holds: every
     step changes each term of a row by so many roundings, whichever side the vector stands on.

@@ -16,7 +16,7 @@ from kinetics.trust.verification.sampler_runs import EVENTS, SamplerRuns
 from kinetics.trust.verification.tail_bounds import disjoint_pairs, gap_to_uniform, uniform_gap
 
 FINE = 2.0**32  # waits must be right to finer steps than random numbers of 32 bits allow
-COARSE = 0.01  # of such a step: as exact as the clock must be where they are looked at
+COARSE = 0.01  # of such a step: as exact as the clock must be if they are looked at
 SIZES = tuple(2**k for k in range(3, EVENTS.bit_length()))  # of samples: fixed beforehand, unlike the number of events
 
 

@@ -1,4 +1,4 @@
-"""Whether paths and counts tell of the same runs."""
+"""Whether paths and counts describe the same runs."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ class RateScores(SamplerCheck):
 
 @dataclass(frozen=True)
 class RateSight:
-    """How well a wrong rate constant of one channel is seen: but for one time in a thousand.
+    """Detectable error of one channel's rate constant: missed one time in a thousand.
 
     smallest : relative error that the runs made show; runs_for_one_percent : runs that show an error of 1 %
     """

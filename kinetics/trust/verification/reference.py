@@ -114,7 +114,7 @@ class Reference:
 
     @cached_property
     def shares(self) -> tuple[Floats, ...]:
-        """Counts (N, S) of all states at each time as shares of a window, from 0 to 1: about the mean, where runs are.
+        """Counts (N, S) of all states at each time as shares, 0 to 1, of a window about the mean, where most runs are.
 
         Counts beyond are cut off, so that bounds which know the range of a function are not weakened by counts that
         never occur.
@@ -127,7 +127,7 @@ class Reference:
     @cached_property
     def conditional_moments(self) -> tuple[Expectations | None, ...]:
         """From each time to the next, by the state before: means (N, S) of the shares then, of their squares (N, S),
-        and the probability (N, 1) to stay inside, side by side; None where it would take too long.
+        and the probability (N, 1) to stay inside, side by side; None if it would take too long.
         """
         ones = np.ones((len(self.states), 1))
         return tuple(self._after(t, np.hstack([shares, shares**2, ones])) for t, shares in enumerate(self.shares[1:]))
@@ -146,7 +146,7 @@ class Reference:
 
     @cached_property
     def matrices(self) -> tuple[Expectations | None, ...]:
-        """Transition probabilities (N, N) from each time to the next; None where they are not computed."""
+        """Transition probabilities (N, N) from each time to the next; None if they are not computed."""
         return tuple(self._matrices(self.gaps[1:]))
 
     @cached_property
@@ -173,7 +173,7 @@ class Reference:
 
     @cached_property
     def repeat_at_fine_times(self) -> float:
-        """The same for the fine times."""
+        """Bound on the probability that two independent runs agree at all fine times."""
         return min(self.repeat_at_times, self._repeat(self.fine_matrices, np.eye(1, len(self.states))[0], 0.0))
 
     def _repeat(self, steps: Sequence[Expectations | None], squares: Floats, error: float) -> float:

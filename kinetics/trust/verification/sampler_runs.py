@@ -34,7 +34,7 @@ class CountSampler(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SamplerRuns:
-    """Runs of one sampler beside the reference.
+    """Runs of one sampler with their reference.
 
     counts : (runs, T, S) at the reference's times
     fine, next_fine : (m, F, S) at its fine times, of the seed and of the next one
@@ -83,10 +83,10 @@ class SamplerRuns:
 
     @cached_property
     def fine_rows(self) -> NDArray[np.intp]:
-        """The same (m, F) at the fine times."""
+        """State numbers (m, F) at the fine times; -1 for an unknown state."""
         return self.reference.solution.space.index_of(self.fine)
 
     @cached_property
     def next_fine_rows(self) -> NDArray[np.intp]:
-        """The same (m, F) of the next seed."""
+        """State numbers (m, F) at the fine times, of runs with the next seed; -1 for an unknown state."""
         return self.reference.solution.space.index_of(self.next_fine)

@@ -48,7 +48,7 @@ def rate_scores(
     """Scores of all channels: of all times together for up to TOGETHER states, else of each time by itself.
 
     changed : the solution with each rate constant higher by STEP
-    matrices : transition probabilities from each time to the next, where they are computed; gaps : tu, of all times
+    matrices : transition probabilities from each time to the next, if they are computed; gaps : tu, of all times
     """
     for channel, other in zip(solution.network.channels, changed, strict=False):
         rows = other.space.index_of(solution.space.states)  # they may come in another order

@@ -80,7 +80,7 @@ def rare_events(number: int, expected: float) -> float:
 
 
 def disjoint_pairs(number: int, members: int, probability: float) -> float:
-    """Bound on the chance of so many disjoint pairs of equal members, where two are equal with this probability.
+    """Bound on the chance of so many disjoint pairs of equal members, if two are equal with this probability.
 
     The expected number of sets of m disjoint equal pairs: n! / ((n - 2m)! m! 2**m) * probability**m.
     """

@@ -1,4 +1,4 @@
-"""From one time to the next: counts less what was expected from the state before, exactly."""
+"""Between times: counts minus their exact conditional mean given the state before."""
 
 from __future__ import annotations
 

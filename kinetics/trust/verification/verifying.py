@@ -48,7 +48,7 @@ def verify(
     The checks are the family `SAMPLER_CHECKS`: of each time, of transitions, of rates, of runs that are equal or
     correlated within a seed and between neighbouring seeds, and of waits. Every p-value is exact or a proven bound, and
     Bonferroni's correction is over all findings, so that the false-alarm rate holds at any number of runs, as far as
-    the solution's error is proven (`is_bound`): not where a rate law cannot be bounded, whose channel is then named.
+    the solution's error is proven (`is_bound`): not if a rate law cannot be bounded, whose channel is then named.
 
     >>> from kinetics import Direct, Network, verify
     >>> decay = Network.from_text("decay: A -> 0, 0.1")
@@ -67,7 +67,7 @@ def verify_against(
     with_power: bool = True,
     paths: float = PATHS,
 ) -> Verification:
-    """The same with a reference that serves several samplers; `paths` is the share of runs made event by event too.
+    """Verify a sampler against a reference shared by several; `paths` is the share of runs also made event by event.
 
     >>> from kinetics import Direct, Lockstep, Network
     >>> from kinetics.trust.verification import Reference, verify_against
