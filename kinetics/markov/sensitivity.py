@@ -253,7 +253,7 @@ class Sensitivity:
         is_bound = answer.is_bound and before.is_bound and within.is_bound
         return self._derivatives(Gradient(answer, value, wide, is_bound), before.method, time.process_time() - began)
 
-    def _scores(self, time: float, error: float, square: float = np.inf) -> Floats:
+    def _scores(self, time: float, error: float, square: float | None = None) -> Floats:
         """What an error of values between 0 and 1 adds at most to a derivative by each parameter (P,), over a time.
 
         Each firing changes their mean by twice the error at most. Or, by Cauchy and Schwarz, with `square` the mean of
@@ -264,7 +264,9 @@ class Sensitivity:
         fastest = np.zeros(self._entries.n_channels)
         leaving = totals(inverse, self._entries.transitions.rates, places.size)
         np.maximum.at(fastest, places // len(self._chain), leaving)
-        found = error * np.minimum(2.0 * fastest * time, np.sqrt(fastest * time * square))
+        found = 2.0 * error * fastest * time
+        if square is not None:
+            found = np.minimum(found, error * np.sqrt(fastest * time * square))
         return found if self._shares is None else np.asarray(np.abs(self._shares) @ found)
 
     def _at(
