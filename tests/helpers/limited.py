@@ -49,9 +49,9 @@ def use(path):
     elif path.suffix == ".run":
         _use_run(path)
     elif path.suffix == ".parquet":
-        from calibration.watched.reading import read_watched
+        from calibration.observed.reading import read_observed
 
-        read_watched(_pair(), path)
+        read_observed(_pair(), path)
     else:
         from kinetics.formats import read
         from kinetics.markov.explicit_files import read_explicit

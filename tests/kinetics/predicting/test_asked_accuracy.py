@@ -506,7 +506,7 @@ def test_states_without_end_are_not_listed(text, endless):
     network = Network.from_text(text)
     assert is_endless(network) == endless
     made = predict(network, None, dict.fromkeys(network.species, 1), [1.0], accuracy="20%", seed=1)
-    assert ("exact: infinitely many states" in str(made.notes)) == endless
+    assert ("transient: infinitely many states" in str(made.notes)) == endless
 
 
 @pytest.mark.parametrize(

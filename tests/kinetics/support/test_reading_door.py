@@ -6,9 +6,9 @@ import threading
 from pathlib import Path
 
 import pytest
-from calibration.watched.tables import read_table
 from numpy.testing import assert_array_equal
 
+from calibration.observed.tables import read_table
 from calibration.pipeline.plan import StudyPlan
 from kinetics.assembly import RuleBook
 from kinetics.assembly.compiler import Target
