@@ -299,7 +299,7 @@ def test_methods_by_name_are_those_by_object():
         ),
         (lambda: simulate(line(), Direct, START, [1.0]), TypeError, r"expected a sampling method such as Direct\(\)"),
         (lambda: simulate(line(), Transient(), START, [1.0]), TypeError, "expected a sampling method"),
-        (lambda: solve(line(), "ssa", START, [1.0]), ValueError, "unknown solving method 'ssa'; they are exact"),
+        (lambda: solve(line(), "ssa", START, [1.0]), ValueError, "unknown solving method 'ssa'; they are transient"),
         (lambda: solve(line(), Direct(), START, [1.0]), TypeError, "expected a solving method"),
         (lambda: predict(line(), None, START, [1.0], "cme"), ValueError, "unknown method 'cme'; methods are ssa"),
     ],

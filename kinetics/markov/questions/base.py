@@ -86,6 +86,10 @@ class Question(ABC):
        answer.
     5. Import it in `kinetics.markov.questions`, which adds it to `QUESTIONS`. `ask`, `scan` and the contract in
        tests/contracts/test_questions.py read that tuple.
+
+    >>> from kinetics.markov.questions import QUESTIONS
+    >>> QUESTIONS[0].forms[0]
+    'P=? [ F phi ]'
     """
 
     forms: ClassVar[tuple[str, ...]]
