@@ -1,6 +1,7 @@
 """Users' own files pass mypy in strict mode: the Python of README and docs, and a script with dicts."""
 
 import doctest
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -68,5 +69,5 @@ def test_examples_pass(said):
 
 def test_mistakes_are_seen(said):
     """The control."""
-    wrong = [line for line in said if line.startswith("wrong.py")]
-    assert sorted(line.rsplit("[", 1)[1].rstrip("]") for line in wrong) == ["arg-type", "assignment"]
+    wrong = [line for line in said if re.match(r"wrong.py:.* error: ", line)]
+    assert sorted(line.rsplit("[", 1)[1].rstrip("]") for line in wrong) == ["assignment", "call-overload"]

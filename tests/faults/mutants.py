@@ -9,7 +9,7 @@ import signal
 import stat
 from pathlib import Path
 
-from mechsim.runs import store, turns
+from mechsim.runs import file_locks, store
 from mechsim.runs.executors import processes
 from mechsim.runs.record import RunRecord, RunSpec
 from mechsim.runs.store import Claim, RunStore
@@ -51,14 +51,14 @@ def _names_never_synced() -> None:
 def _renamed_before_it_is_synced() -> None:
     def write(path: Path, data: bytes) -> None:
         temporary = path.with_name(f".{path.name}.tmp")
-        descriptor = os.open(temporary, turns.SHARED, 0o666)
+        descriptor = os.open(temporary, file_locks.SHARED, 0o666)
         os.ftruncate(descriptor, 0)
         while data:
             data = data[os.write(descriptor, data) :]
         temporary.replace(path)
         os.fsync(descriptor)
         os.close(descriptor)
-        turns.sync_folder(path.parent)
+        file_locks.sync_folder(path.parent)
 
     store.write_locked = write
 

@@ -367,6 +367,7 @@ def test_command(scene_file, tmp_path):
 )
 def test_bad_requests(scene_file, tmp_path, arguments, message):
     given = [
+        "trust",
         "accuracy",
         "mechanics",
         scene_file,
