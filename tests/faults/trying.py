@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+ROOT = Path(__file__).parents[2]
 MISTAKE, OUTSIDE, FAULT = 2, 3, 70  # exit codes, as those of the command
 AT_MOST = 60  # s, before work counts as stuck
 
@@ -35,7 +36,7 @@ class Ending:
         if self.code == -signal.SIGALRM:
             found.append("it got stuck")
         elif self.code not in (0, OUTSIDE, -signal.SIGKILL):
-            found.append(f"it ended with code {self.code}: {self.said[-300:]}")
+            found.append(f"it ended with code {self.code}: {self.said.replace(f'{ROOT}/', '')[-300:]}")
         return found + [text for text in self.warned if "damaged" in text]
 
 
