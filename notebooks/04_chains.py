@@ -138,7 +138,7 @@ price.style.format({"asked for": "{:.0e}", "proven error": "{:.1e}", "error": "{
 figure, ax = plt.subplots(figsize=(4.5, 3.2))
 ax.loglog(price["CPU (s)"], price["proven error"], "o-", label="proven")
 ax.loglog(price["CPU (s)"], price["error"], "s--", label="against the closed form")
-ax.axvline(seconds, color="0.5", ls=":", label="uniformisation, foretold")
+ax.axvline(seconds, color="0.5", ls=":", label="uniformisation, forecast")
 ax.set_xlabel("processor time (s)")
 ax.set_ylabel("summed error of 336 probabilities")
 _ = ax.legend(frameon=False)

@@ -34,7 +34,7 @@ from kinetics.rates.breaks import BREAK_MODELS, BreakModel, break_model
 from kinetics.runs import JumpPath
 
 SEVERAL = 3  # classes, from which on their scatter says something
-SHARED = {  # what sets a fit apart, in words
+SHARED = {  # how each fit shares its constants
     "event": "one constant",
     "touched": "a constant a number touched",
     "faces": "a constant a pair of faces",
@@ -71,7 +71,7 @@ class ClassFit(RateFit):
 
     @property
     def title(self) -> str:
-        """What sets the fit apart, in words."""
+        """How the fit shares its constants, for a table."""
         return SHARED[self.sharing] + ("" if self.breaks is None else f", {self.breaks.name}")
 
     @property

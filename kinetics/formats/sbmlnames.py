@@ -63,7 +63,7 @@ class SbmlNames:
         found = {}
         for name in self.species:
             if name not in changed:
-                with suppress(ValueError):  # one without an amount, which is told if it is read
+                with suppress(ValueError):  # one without an amount, which is reported if it is read
                     amount = self.initial_amount(name)
                     if 0 <= amount < math.inf and not is_count(amount * scale):
                         found[name] = amount

@@ -234,7 +234,7 @@ class Chain:
         return replace(stationary_of(*self._begun), space=self.space)
 
     def passage(self, target: Target, name: str = "") -> Passage:
-        """The first-passage time to the target, which `name` states in words: moments, distribution and quantiles."""
+        """The first-passage time to the target (`name` in tables): moments, distribution and quantiles."""
         began, goal = time.process_time(), self.states(target)
         unsure = self.truncated & ~goal
         words = name or (target if isinstance(target, str) else "the target")

@@ -166,7 +166,7 @@ class BuiltInLabels(Mapping[str, NDArray[np.bool_]]):
 
 
 def whole_sums(model: Model, counts: Ints) -> dict[str, Ints]:
-    """Those of the sums that are whole numbers, in states (N, S): values (N,) by name."""
+    """Values (N,) in states (N, S) of the observables that are whole sums of counts, by name."""
     return {
         name: counts @ np.rint(weights).astype(np.int64)
         for name, weights in weights_of(model)

@@ -91,7 +91,7 @@ class AllStates(SolvedWay):
         """Forecast cost of a solution of at most `limit` s, and a remark; None where it would not prove enough."""
         goal, job, states = self.goal, self.goal.job, f"{transitions.size} states"
         try:
-            seconds, is_proven = Transient(max_seconds=limit).foretold(transitions, float(job.grid[-1]))
+            seconds, is_proven = Transient(max_seconds=limit).forecast(transitions, float(job.grid[-1]))
         except ValueError as refusal:
             return None, str(refusal)
         if seconds == inf:

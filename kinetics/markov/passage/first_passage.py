@@ -34,7 +34,7 @@ class Passage(Shown, Tabular):
     cdf of the time lies between those of the two (Munsky & Khammash 2006, doi:10.1063/1.2145882). Values are those of
     the latest, bounds those of both.
 
-    target : the target, in words
+    target : name of the target in tables and on axes
     mean : mean of the time; inf where the target may never be reached
     probability : probability of ever reaching the target
     error : relative error of mean and probability; probabilities below 1e-290 may be lost

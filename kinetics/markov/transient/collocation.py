@@ -162,7 +162,7 @@ def integrate(
     """start @ exp(Q t) (T, N) at `times` (T,), rising, and a proven bound on the summed absolute error at any of them.
 
     start : (N,) probabilities
-    ValueError: the steps that it takes, counted as foretold, would take longer than max_seconds
+    ValueError: the steps that it takes, counted as forecast, would take longer than max_seconds
     """
     n, result = start.size, np.tile(start, (times.size, 1))
     if not entries.rates.any() or times[-1] == 0.0:
@@ -177,7 +177,7 @@ def integrate(
         if steps.seconds > max_seconds:
             raise ValueError(
                 f"at {float(steps.begin):.3g} of {times[-1]:g} the steps of collocation, {float(steps.length):.3g} "
-                f"tu, are far shorter than foretold, as in a chain that turns in circles; max_seconds = "
+                f"tu, are far shorter than forecast, as in a chain that turns in circles; max_seconds = "
                 f"{max_seconds:g}; raise it, ask for earlier times, or sample with the direct method"
             )
         begin, length, polynomial = steps.go_on()
@@ -200,7 +200,7 @@ class Steps:
 
     begin, length : of the next step, tu
     error : bound on the summed error so far
-    seconds : of work so far, as foretold
+    seconds : of work so far, as forecast
     """
 
     def __init__(self, entries: Entries, start: Floats, last: float, plan: CollocationPlan, tolerance: float) -> None:

@@ -28,7 +28,7 @@ MOST_LAYERS = 8  # events that the states are extended by at a time
 SMALLEST = 1e-300
 SHARE = 1e-3  # of the tolerance that the Poisson windows may leave out
 MINOR = 0.1  # of the allowed loss: states that lose less than this together are not extended
-TRIAL = 0.02  # of the work allowed: done before the rest is foretold, to see whether rates fall or the law settles
+TRIAL = 0.02  # of the work allowed: done before the rest is forecast, to see whether rates fall or the law settles
 BUILDING = 200.0  # uniformised steps that cost as much as building their chain
 WINDOW_SECONDS = 1e-3  # that a window takes however few its states, on a common machine
 

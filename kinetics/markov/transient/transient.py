@@ -40,7 +40,7 @@ class Transient(ListingMethod):
     doi:10.1145/42404.42409. Cost: about (largest exit rate) * (last time) steps over all transitions, for any number of
     times. Choose it wherever all reachable states fit into memory. Where it would take more than 200 000 steps, chains
     of up to 500 states are solved by `Dense`, with a proven error, and larger ones by whichever of uniformisation,
-    `Collocation` and up to 2000 states `Dense`, whose error is an estimate there, is foretold to be quickest. It is an
+    `Collocation` and up to 2000 states `Dense`, whose error is an estimate there, is forecast to be quickest. It is an
     estimate too where a rate law cannot be bounded.
 
     >>> from kinetics import Network, Transient, solve
@@ -87,8 +87,8 @@ class Transient(ListingMethod):
         found, _, error = mixtures(chain, start, grid, self.tolerance)
         return ProbabilityTable(found, error, transitions.is_certified)
 
-    def foretold(self, transitions: Transitions, last: float) -> tuple[float, bool]:
-        """Processor time that `probabilities` is foretold to take until the time `last`, s, and whether it will prove.
+    def forecast(self, transitions: Transitions, last: float) -> tuple[float, bool]:
+        """Processor time that `probabilities` is forecast to take until the time `last`, s, and whether it will prove.
 
         inf where it would refuse. Cost: linear in the transitions, but for a stiff chain, whose elimination is planned.
         """
@@ -110,7 +110,7 @@ class Transient(ListingMethod):
         return steps, found if other else seconds, other
 
     def _quicker(self, generator: csr_array, last: float, seconds: float) -> tuple[float, ListingMethod | None]:
-        """The quickest method for many steps, and what it is foretold to take; none where uniformisation's `seconds` is
+        """The quickest method for many steps, and what it is forecast to take; none where uniformisation's `seconds` is
         less.
         """
         n = generator.shape[0]

@@ -22,7 +22,7 @@ ALIKE = 8  # runs that are sorted among themselves
 
 @dataclass(frozen=True)
 class Mutant:
-    """A mistake in words, and what it makes of the runs of a right sampler; None if it changes nothing.
+    """Name of a mistake, and the runs of a correct sampler with that mistake; None if it changes nothing.
 
     >>> from kinetics.trust.verification import MUTANTS
     >>> [mutant.name for mutant in MUTANTS[:2]]
