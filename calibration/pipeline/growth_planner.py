@@ -152,8 +152,10 @@ def make_growth_plan(request: PlanRequest, join: float, cost: Cost) -> PlannedGr
     def joins(cubes: int, duration: float, factor: float = 1.0) -> float:
         """In a run, mean."""
         start = {derivation.structures[name]: n for name, n in compositions[cubes].items()}
-        grown = grow(book, ClassRates.uniform(factor * join), start, duration, GROWTHS, request.seed).runs
-        return float(np.mean([run.times.size for run in grown]))
+        grown = grow(book, ClassRates.uniform(factor * join), start, duration, GROWTHS, request.seed)
+        if grown.interrupted:  # fewer runs make no plan
+            raise KeyboardInterrupt
+        return float(np.mean([run.times.size for run in grown.runs]))
 
     def seconds(cubes: int, duration: float) -> float:
         return cost(RunSpec(scene, compositions[cubes], duration, request.seed, 0))

@@ -210,7 +210,10 @@ def predict(
         found = _solved(job, method)
     result, spread = found.result, found.spread
     notes, is_complete = [*evidence_notes(rates), *found.notes], found.is_complete
-    if posterior is not None and spread is None:
+    was_interrupted = isinstance(result, EnsembleStatistics) and not result.is_complete
+    if posterior is not None and spread is None and was_interrupted:
+        notes.append("no interval: interrupted before the draws of the rates")
+    elif posterior is not None and spread is None:
         spread = runs_over_draws(replace(job, grid=result.times), posterior, 1, draws, Auto())
         is_complete = is_complete and spread.statistics.is_complete
         notes.append("mean, sd and band are those at the posterior mean of each rate constant")

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from kinetics.markov.transient import SOLVING_METHODS, Distribution, SolvingMethod
 from kinetics.network import Model, Network
@@ -37,6 +37,7 @@ class Task(NamedTuple):
 
 
 Result = EnsembleStatistics | Distribution | Floats
+Answered = TypeVar("Answered", bound=EnsembleStatistics | Distribution)
 
 
 @dataclass(frozen=True)
@@ -76,14 +77,20 @@ def sampled(method: SamplingMethod) -> Callable[[Task, float, int], Result]:
         # No run is used twice: settings are powers of ten, and 40 times one stays below 20 times the next.
         first_run = (MOST_REPEATS + repeat) * runs
         network, initial, times, seed = task
-        made = simulate_statistics(
-            network, method, initial, times, runs, seed, threads=1, first_run=first_run, covariances=False
+        return _whole(
+            simulate_statistics(
+                network, method, initial, times, runs, seed, threads=1, first_run=first_run, covariances=False
+            )
         )
-        if not made.is_complete:  # a point of fewer runs is none
-            raise KeyboardInterrupt
-        return made
 
     return make
+
+
+def _whole(made: Answered) -> Answered:
+    """The same; KeyboardInterrupt where Ctrl-C left fewer runs than were asked for, which make no point."""
+    if isinstance(made, EnsembleStatistics) and not made.is_complete:
+        raise KeyboardInterrupt
+    return made
 
 
 def solved(method: Callable[[float], SolvingMethod]) -> Callable[[Task, float, int], Result]:
@@ -109,7 +116,7 @@ def asked(task: Task, setting: float, _: int) -> Result:
     from kinetics.predicting.job import Job
 
     job = Job(Model(task.network, task.initial), task.times, seed=task.seed, threads=1)
-    return adaptive_prediction(job, AskedAccuracy(setting, is_relative=True)).result
+    return _whole(adaptive_prediction(job, AskedAccuracy(setting, is_relative=True)).result)
 
 
 ACCURACIES = (1e-1, 3e-2, 1e-2, 1e-3)

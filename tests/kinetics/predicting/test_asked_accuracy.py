@@ -316,6 +316,23 @@ def test_ctrl_c_keeps_the_runs_and_the_accuracy_reached():
     assert "NOT reached" in str(made.notes)
 
 
+def test_ctrl_c_ends_the_prediction_and_not_its_first_part_alone():
+    """Draws of the rates, which would come next, are not begun."""
+
+    def interrupt(text):
+        assert "draws" not in text
+        if text.startswith("trying a projection"):
+            raise KeyboardInterrupt
+
+    network = Network.from_text("decay: A -> 0, 1")
+    measured = ChannelRate(rate=0.1, events=40, exposure=400.0, ways=1)
+    rates = Rates(convention=Convention(combinations="distinct"), channels={"decay": measured})
+    made = predict(network, rates, {"A": 3000}, [10.0], accuracy="0.1%", seed=1, draws=10**6, progress=interrupt)
+    assert not made.is_complete
+    assert (made.low, made.high) == (None, None)
+    assert "no interval: interrupted before the draws of the rates" in made.notes
+
+
 @pytest.mark.parametrize("with_forced", [True, False])
 def test_first_runs_that_are_enough_are_all(with_forced):
     made = sampled(AskedAccuracy(30.0), DECAY, {"A": 100}, TIMES, 1, with_forced=with_forced)

@@ -12,9 +12,12 @@ from numpy.testing import assert_allclose
 from scipy.stats import binom, wasserstein_distance
 
 from kinetics import Direct, Lockstep, Transient, simulate
+from kinetics.network import Network
+from kinetics.predicting import tuning
+from kinetics.sampling import run_source
 from kinetics.sampling.run_source import RunSource
 from kinetics.trust.accuracy import diagram
-from kinetics.trust.accuracy.curves import CURVES, Curve, sampled
+from kinetics.trust.accuracy.curves import CURVES, Curve, Task, sampled
 from kinetics.trust.accuracy.diagram import measure
 from kinetics.trust.accuracy.distances import Certainty, Marginals, sampling_floor
 from kinetics.trust.accuracy.peers import ExpmMultiply, rate_equation
@@ -23,6 +26,7 @@ from wellmixed import main
 
 TIMES = np.linspace(0.0, 200.0, 11)
 START = [12, 0, 0, 0]
+MANY = Network.from_text("A -> B, 1\nB -> A, 1"), np.array([10**6, 0])  # cannot be solved
 
 
 @pytest.fixture(scope="module")
@@ -185,6 +189,25 @@ def test_ctrl_c_leaves_what_was_finished():
     assert not found.is_complete
     assert [point.curve for point in found.points] == [quick.name]
     assert "interrupted" in str(found)
+
+
+@pytest.mark.parametrize("curve", [curve for curve in CURVES if curve.knob in ("runs", "accuracy")])
+def test_ctrl_c_is_heard_from_methods_that_keep_what_they_have(curve, monkeypatch):
+    """Fewer runs than were asked for are no point, and the rest is not begun."""
+    counts, tried = RunSource.counts, []
+
+    def interrupt(source, grid, runs, first_run=0, threads=None, watch=None):
+        tried.append(runs)
+        if len(tried) > 1:
+            raise KeyboardInterrupt
+        return counts(source, grid, runs, first_run, threads, watch)
+
+    monkeypatch.setattr(RunSource, "counts", interrupt)
+    monkeypatch.setattr(run_source, "BLOCK_BYTES", 1)
+    monkeypatch.setattr(tuning, "MOST_FIRST", 1)
+    with pytest.raises(KeyboardInterrupt):
+        curve.make(Task(*MANY, TIMES / 1e4, 1), curve.settings[1], 0)
+    assert len(tried) == 2
 
 
 def test_a_method_that_refuses_is_reported():
