@@ -288,8 +288,10 @@ void lockstep(const Model *model, Work *work, const int64_t *initial, const doub
                         n_crossed++;
                     }
         for (int64_t lane = 0; n_crossed > 0 && lane < active; lane++) {
+            if (!(work->t[lane] > work->upcoming[lane]))
+                continue;
             const int stuck = is_stuck(work, lane);
-            if (!stuck && !(work->t[lane] > work->upcoming[lane]))
+            if (!stuck && !(work->t[lane] > work->upcoming[lane])) /* it takes the time before again */
                 continue;
             int64_t k = work->seen[lane];
             for (; !stuck && k < work->needed[lane] && grid[k] < work->t[lane]; k++)
