@@ -71,7 +71,7 @@ study: $(READY)
 # the rates of jacks alone; and the block of the page. The runs of both are read from one folder, so they are copied there.
 PYRAMID := results/pyramid45/breaking
 PYRAMID_RUNS := $(PYRAMID)/all-runs
-BOTH := results/jack13/plan.toml --pool $(PYRAMID)/touched.toml --runs-folder $(PYRAMID_RUNS)
+BOTH := classes results/jack13/plan.toml $(PYRAMID)/touched.toml --runs-folder $(PYRAMID_RUNS)
 HELD_OUT := $(PYRAMID)/touched.toml --runs-folder $(PYRAMID)/runs
 pyramid: $(READY)
 	mkdir -p $(PYRAMID_RUNS)

@@ -219,7 +219,7 @@ def test_initial_species_of_simulate(refused, initial, said):
         ([*CALIBRATE, "--cubes", "60", "0"], "0 is not in the range x>=1"),
         ([*CALIBRATE, "--cubes", "2", "3"], "cubes = [2, 3]: too few for the reactants of 1+3->4, 2+2->4, 4->1+3, 4->"),
         (
-            ["calibrate", "pyramid45", *CALIBRATE[2:], "--by", "channel"],
+            ["calibrate", "channels", "pyramid45", *CALIBRATE[2:]],
             "grows from a seed: a tank holds one growing structure, so its",
         ),
         (with_instead(VALIDATE, ["--rates", "norates"]), "unknown rates 'norates'; shipped are table3"),

@@ -141,7 +141,7 @@ REFUSALS = [
     ("study", "first-times", "nothing"),
     ("study", "rates", "nothing"),
     ("study", "plan", "line4", "--out", "plan.txt"),
-    ("calibrate", "line4", "--out", "rates.toml", "--events", "none.csv"),
+    ("calibrate", "events", "line4", "none.csv", "--out", "rates.toml"),
     ("validate", "line4", "--rates", "nothing"),
     ("simulate", "line4"),
 ]

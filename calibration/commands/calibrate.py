@@ -1,4 +1,4 @@
-"""The command `wellmixed calibrate`: rates of all channels, from mechanics runs or from what others observed."""
+"""The command `wellmixed calibrate`: rates by channel or by class, from mechanics runs or from what others observed."""
 
 from __future__ import annotations
 
@@ -7,34 +7,45 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.by_class import calibrate_by_class, is_seeded
-from calibration.commands.from_events import events_options, study_of_events
-from calibration.commands.shared import (
-    breaks_table,
-    leave,
-    rates_table,
-    refuse_what_a_plan_fixes,
-    report_option,
-    seed_option,
-)
+from calibration.commands.shared import given_options, leave, refuse_what_a_plan_fixes, report_option, seed_option
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import HEADING, NumbersCommand, echo_json, heading, in_a_folder, json_option
-from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, is_filled, or_study_folder
+from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, or_study_folder
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
-    from calibration.observed.study import ObservedStudy
-    from calibration.pipeline.calibration_study import CalibrationStudy
-    from mechsim.commands.options import ShardWork
-    from mechsim.runs.executors import Executor
+    from calibration.estimating.study import CalibrationStudy, ClassStudy
+    from calibration.pipeline.study_runs import StudyRuns
+
+MODES = ("channels", "classes", "events")
+# Options that mean something in some modes only
+MODES_OF = {"group_by": ("classes",), "run_table": ("events",), "tank": ("events",), "report": ("channels", "events")}
+# Options that mean something where no runs are made
+OF_EVENTS = {"words", "out", "cubes", "report", "as_json", "run_table", "tank", "breaks"}
+FILES = or_study_folder(PLAN, {"runs_folder": RUNS, "out": RATES, "report": "calibration.html"})
+
+
+def _words(ctx: click.Context, param: click.Parameter, words: tuple[str, ...]) -> tuple[str, ...]:
+    """The mode, "" where none is named, and what it is to read; a folder stands for its plan."""
+    mode, *sources = words if words[0] in MODES else ("", *words)
+    if sources and mode != "events":
+        sources[0] = FILES["callback"](ctx, param, sources[0])
+    wanted = {"events": "NETWORK TABLE", "classes": "SCENE|PLAN|FOLDER ..."}.get(mode, "SCENE|PLAN|FOLDER")
+    if not sources or (mode != "classes" and len(sources) != len(wanted.split())):
+        told = f"expected {' '.join(filter(None, ('calibrate', mode, wanted)))}; {' '.join(words)} came"
+        raise click.UsageError(told, ctx)
+    return (mode, *sources)
 
 
 @click.command(cls=NumbersCommand)
 @click.argument(
-    "scene",
-    metavar="SCENE|PLAN|FOLDER",
+    "words",
+    metavar="[channels|classes|events] SCENE|PLAN|FOLDER",
+    nargs=-1,
+    required=True,
     shell_complete=shipped("scene"),
-    **or_study_folder(PLAN, {"runs_folder": RUNS, "out": RATES, "report": "calibration.html"}),
+    callback=_words,
+    is_eager=True,
 )
 @click.option(
     "--out",
@@ -51,8 +62,8 @@ if TYPE_CHECKING:
     default=(60,),
     show_default=True,
     metavar="N ...",
-    help="Numbers of cubes of the runs. With --events one number: it is checked, and without counts at the start all "
-    "are single.",
+    help="Numbers of cubes of the runs. Of events one number: it is checked, and without counts at the start all are "
+    "single.",
 )
 @click.option(
     "--runs",
@@ -70,21 +81,9 @@ if TYPE_CHECKING:
     "breaks",
     metavar="auto|NAME",
     help="How bonds break: the name of a break model, such as first-order or collision, or auto for the one that the "
-    "runs choose. With --events only where it is given.  [default: the plan's, or auto]",
-)
-@click.option(
-    "--by",
-    type=click.Choice(["channel", "class"]),
-    help="Rates of channels, for the network of this book, or of rate classes, for any book.  [default: class for a "
-    "book that grows from a seed, else channel]",
+    "runs choose. Of events only where it is given.  [default: the plan's, or auto]",
 )
 @heading("For rates by class")
-@click.option(
-    "--pool",
-    multiple=True,
-    metavar="SCENE|PLAN",
-    help="One more scene or plan whose runs are pooled; may be repeated.",
-)
 @click.option(
     "--group-by",
     type=click.Choice(["auto", "event", "touched", "faces", "sizes"]),
@@ -95,35 +94,24 @@ if TYPE_CHECKING:
     "of breaks.",
 )
 @heading("For events that others observed")
-@events_options
+@click.option(
+    "--tank", metavar="X Y Z", type=float, nargs=3, help="Lengths of the tank in which the runs were observed."
+)
+@click.option(
+    "--run-table",
+    metavar="FILE",
+    type=click.Path(exists=True, dir_okay=False),
+    help="Table of the runs: run, start, end and a column for each species with its copies at the start. Without it, "
+    "rows of the events that are marked start and end say so.",
+)
 @heading("How runs are made")
 @run_options
 @heading(HEADING)
 @report_option
 @seed_option(1)
 @json_option
-def calibrate(
-    scene: str,
-    out: str,
-    cubes: tuple[int, ...],
-    runs: int,
-    duration: float,
-    breaks: str | None,
-    by: str | None,
-    pool: tuple[str, ...],
-    group_by: str,
-    events: str | None,
-    run_table: str | None,
-    tank: tuple[float, float, float] | None,
-    report: str | None,
-    runs_folder: str,
-    workers: Executor,
-    part: ShardWork | None,
-    progress: bool | None,
-    seed: int,
-    as_json: bool,
-) -> None:
-    """Estimate the reaction rates of a scene from mechanics runs, with 95 % intervals.
+def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: bool, **how: Any) -> None:
+    """Estimate reaction rates, with 95 % intervals: by channel or by class from mechanics runs, or from events.
 
     A rate is events over exposure, pooled over all runs; waits that the end of a run cuts short (censoring) count in
     full. Runs are assemblies from single cubes, not restarted, so that rates are measured along the path on which they
@@ -131,96 +119,116 @@ def calibrate(
     run held gets a prior from the others of its kind, and the rates file marks it. Exit code 4: some runs were stopped
     by the guard or given up; the rates come from the others.
 
-    Rates by class (--by class) belong to the number of cubes that a place touches, to pairs of faces and to sizes, as
-    far as the runs tell them apart, and serve `rules grow`, `rules rank`, `predict` and `validate` for any book. Books
-    that grow from a seed have no others: see docs/class_rates.md.
-
     A PLAN, a file as `wellmixed study plan` writes it, states the scene, the tanks, the runs and the seed itself. A
     FOLDER, as `wellmixed new` makes it, holds the plan, and gets rates, report and runs.
 
-    With --events no run is made, and a rule book or a network file (.net, SBML) takes the place of SCENE: the rates are
-    those of runs that others observed. A row of their table holds run, time and channel, or run, time and the copies of
-    each species after a change. The word start in the column channel marks the start of a run, with the copies of each
-    species; end marks its end, and restart that it was put back to its start. See docs/observed_events.md.
+    `calibrate classes SCENE|PLAN ...` gives rates by class, which belong to the number of cubes that a place touches,
+    to pairs of faces and to sizes, as far as the runs tell them apart, and serve `rules grow`, `rules rank`, `predict`
+    and `validate` for any book. Runs of several scenes and plans are pooled. Books that grow from a seed have no other
+    rates, and need no word: see docs/class_rates.md.
+
+    `calibrate events NETWORK TABLE` makes no runs: rates are those of a rule book or a network file (.net, SBML), from
+    runs that others observed. A row of their table (CSV or Parquet) holds run, time and channel, or run, time and the
+    copies of each species after a change. The word start in the column channel marks the start of a run, with the
+    copies of each species; end marks its end, and restart that it was put back to its start. See
+    docs/observed_events.md.
     """
-    from calibration.pipeline.plan import is_plan
+    from calibration.commands.tables import breaks_table, class_rates_table, rates_table
+    from calibration.estimating.study import CalibrationStudy, ClassStudy
+    from kinetics.rates.breaks import break_model
 
     target = Path(out)
     if target.suffix != ".toml":
         raise ValueError(f"--out {out}: expected a name that ends in .toml")
-    if events is not None and (pool or by == "class"):
-        raise ValueError("--events gives rates by channel, of one book; leave out --by class and --pool")
-    if pool and by == "channel":
-        raise ValueError("--pool pools books, whose channels differ; leave it out, or ask for --by class")
-    if events is None and (pool or by == "class" or (by is None and is_seeded(scene))):
-        if report and not is_filled("report"):
-            raise ValueError("--report shows rates by channel; for rates by class use --json")
-        if is_plan(scene):
-            refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
-        calibrate_by_class(
-            (scene, *pool), target, cubes, runs, duration, breaks, group_by, runs_folder, workers, part, progress, seed,
-            as_json,
-        )  # fmt: skip
-        return
-    if group_by != "auto":
-        raise ValueError(f"--group-by {group_by} is for rates by class; leave it out, or ask for --by class")
-    study: CalibrationStudy | ObservedStudy | None = study_of_events(scene, events, run_table, tank, cubes, breaks)
-    if study is None:
-        from calibration.pipeline.calibration_study import check_measurable, run_calibration, run_planned_calibration
-        from calibration.pipeline.plan import StudyPlan
-        from calibration.pipeline.study_runs import assembly_specs
-        from kinetics.rates.breaks import break_model
-        from mechsim.scene import Scene
-
-        if breaks not in (None, "auto"):
-            break_model(breaks)
-        plan = StudyPlan.load(scene) if is_plan(scene) else None
-        if plan is not None:
-            refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
-            seed = plan.calibration.seed
-        if part is not None:
-            if plan is not None:
-                specs = plan.specs(plan.calibration)
-            else:
-                described = Scene.load(scene)
-                check_measurable(described, cubes)
-                specs = assembly_specs(described, cubes, runs, duration, seed)
-            part.make(specs, runs_folder, workers, progress, as_json)
+    if how["breaks"] not in (None, "auto"):
+        break_model(how["breaks"])
+    mode, *sources = words
+    study: CalibrationStudy | ClassStudy
+    if mode == "events":
+        refuse_for(mode)
+        study, seed = observed(sources, how), None
+    else:
+        parts = runs_of(sources, how)
+        mode = mode or ("classes" if is_seeded(parts[0]) else "channels")
+        refuse_for(mode)
+        seed = parts[0].seed
+        if (found := of_runs(mode, parts, how, as_json)) is None:
             return
-        common: dict[str, Any] = {"workers": workers, "progress": progress}
-        if plan is not None:
-            study = run_planned_calibration(plan, runs_folder, breaks=breaks, **common)
-        else:
-            sizes: dict[str, Any] = {"sizes": cubes, "runs": runs, "duration": duration}
-            study = run_calibration(
-                Scene.load(scene), runs_folder, seed=seed, breaks=breaks or "auto", **sizes, **common
-            )
+        study = found
     study.rates.save(target)
-    if report:
+    if report and isinstance(study, CalibrationStudy):
         from calibration.reporting.overview import calibration_report
 
         calibration_report(study).write(report, data=True)
     if as_json:
-        from calibration.reporting.overview import not_seen
-
-        looks = study.diagnosis.looks
-        echo_json(
-            {
-                "out": out,
-                "channels": study.calibration.table(),
-                "coarse_looks": {"sentence": looks.sentence, "channels": looks.table()} if looks.channels else None,
-                "not_seen": not_seen(study.calibration),
-                "not_measured": study.rates.not_measured,
-                "breaks": None if study.break_models is None else study.break_models.to_dict(),
-                "evidence": study.rates.evidence,
-                "diagnostics": study.diagnosis.to_dict(),
-                "problems": study.problems,
-                "seed": None if events else seed,
-            }
-        )
+        echo_json({"out": out} | study.to_dict() | ({} if isinstance(study, ClassStudy) else {"seed": seed}))
     else:
-        click.echo(rates_table(study))
-        if study.break_models is not None:
+        click.echo(class_rates_table(study) if isinstance(study, ClassStudy) else rates_table(study))
+        if isinstance(study, CalibrationStudy) and study.break_models is not None:
             click.echo(breaks_table(study.break_models))
         click.echo(f"rates written to {out}")
     leave(study.problems)
+
+
+def refuse_for(mode: str) -> None:
+    """ValueError where an option was given that means nothing in this mode."""
+    for name, option in given_options().items():
+        modes = MODES_OF.get(name, MODES)
+        if mode not in modes:
+            raise ValueError(f"{option} is for calibrate {' and '.join(modes)}, not for {mode}; leave it out")
+        if mode == "events" and name not in OF_EVENTS:
+            raise ValueError(f"{option} is about mechanics runs, and calibrate events makes none; leave it out")
+
+
+def observed(sources: list[str], how: dict[str, Any]) -> CalibrationStudy:
+    """What a table of events says of a rule book or a network file; --cubes counts only where it was given."""
+    from calibration.observed.study import observed_study
+    from kinetics.commands.models import is_network_file, network_of_book
+    from kinetics.formats import read
+    from kinetics.network import Tank
+
+    source, table = sources
+    network, single = (read(source).network, None) if is_network_file(source) else network_of_book(source)
+    cubes = how["cubes"] if "cubes" in given_options() else ()
+    if len(cubes) > 1:
+        raise ValueError(f"--cubes {' '.join(map(str, cubes))}: of events one number, that of the cubes in each run")
+    return observed_study(
+        source, network, table, how["run_table"], cubes=cubes[0] if cubes else None, single=single,
+        tank=how["tank"] and Tank(how["tank"]), breaks=how["breaks"],
+    )  # fmt: skip
+
+
+def runs_of(sources: list[str], how: dict[str, Any]) -> list[StudyRuns]:
+    """The runs of each scene or plan. ValueError: an option that the plans state themselves."""
+    from calibration.pipeline.study_runs import StudyRuns
+
+    asked = {"sizes": how["cubes"]} | {name: how[name] for name in ("runs", "duration", "seed")}
+    parts = [StudyRuns.asked_for(source, "calibration", **asked) for source in dict.fromkeys(sources)]
+    if all(part.plan is not None for part in parts):
+        refuse_what_a_plan_fixes(sources[0], "cubes", "runs", "duration", "seed")
+    return parts
+
+
+def is_seeded(runs: StudyRuns) -> bool:
+    """Whether their book grows from a seed, so that channels are not measured one by one."""
+    from mechsim.runs.record import book_of
+
+    return book_of(runs.scene.rules)[0].seed_letter is not None
+
+
+def of_runs(
+    mode: str, parts: list[StudyRuns], how: dict[str, Any], as_json: bool
+) -> CalibrationStudy | ClassStudy | None:
+    """What mechanics runs say; None where only a share of them was to be made, or those missing to be listed."""
+    from calibration.pipeline.calibration_study import check_measurable, run_calibration, run_class_calibration
+
+    if mode == "channels" and parts[0].plan is None:
+        check_measurable(parts[0].scene, parts[0].sizes)
+    common = {name: how[name] for name in ("workers", "progress")}
+    folder = how["runs_folder"]
+    if how["part"] is not None:
+        how["part"].make([spec for part in parts for spec in part.specs], folder, as_json=as_json, **common)
+        return None
+    if mode == "classes":
+        return run_class_calibration(parts, folder, breaks=how["breaks"], share=how["group_by"], **common)
+    return run_calibration(parts[0], folder, breaks=how["breaks"], **common)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.shared import comparison_table, leave, rates_table, seed_option
+from calibration.commands.shared import leave, seed_option
+from calibration.commands.tables import comparison_table, rates_table
 from kinetics.support.cli.failures import keep_runs
 from kinetics.support.cli.options import echo_json, json_option
 from mechsim.commands.options import executor_options, progress_option
@@ -41,8 +42,8 @@ def demo(folder: str, scale: float, workers: Executor, progress: bool | None, se
     """Calibrate, predict and validate line4 on a small budget of mechanics runs, and write report.html."""
     from calibration.pipeline.calibration_study import run_calibration
     from calibration.pipeline.held_out_study import run_validation
-    from calibration.pipeline.study_runs import watched_run
-    from calibration.reporting.overview import full_report, not_seen
+    from calibration.pipeline.study_runs import StudyRuns, watched_run
+    from calibration.reporting.overview import full_report
     from mechsim.inspection.pictures.tank import draw_tank
     from mechsim.scene import Scene
 
@@ -53,14 +54,13 @@ def demo(folder: str, scale: float, workers: Executor, progress: bool | None, se
     scene, runs_folder = Scene.load("line4"), place / "runs"
     keep_runs(runs_folder)
     common: dict[str, Any] = {"workers": workers, "progress": progress}
-    calibrated = run_calibration(scene, runs_folder, runs=10, duration=300 * scale, seed=seed, **common)
+    calibrated = run_calibration(StudyRuns.assembly(scene, [60], 10, 300 * scale, seed), runs_folder, **common)
     rates_file = place / "rates.toml"
     calibrated.rates.save(rates_file)
     if not as_json:
         click.echo(rates_table(calibrated))
-    validated = run_validation(
-        scene, calibrated.rates, runs_folder, runs=4, duration=200 * scale, seed=seed + 1, **common
-    )
+    held_out = StudyRuns.assembly(scene, [60, 80, 120], 4, 200 * scale, seed + 1)
+    validated = run_validation(held_out, calibrated.rates, runs_folder, **common)
     record = watched_run(scene, runs_folder, duration=200 * scale, seed=seed + 1)
     report = full_report(calibrated, validated, lambda ax: draw_tank(record, ax))
     written = report.write(place / "report.html", data=True)[-1]
@@ -70,7 +70,7 @@ def demo(folder: str, scale: float, workers: Executor, progress: bool | None, se
                 "rates": str(rates_file),
                 "report": str(written),
                 "channels": calibrated.calibration.table(),
-                "not_seen": not_seen(calibrated.calibration),
+                "not_seen": calibrated.calibration.not_seen,
                 "is_consistent": validated.is_consistent,
                 "verdict": validated.verdict.sentence,
                 "events": [row.to_dict() for row in validated.events],
@@ -81,4 +81,4 @@ def demo(folder: str, scale: float, workers: Executor, progress: bool | None, se
     else:
         click.echo(comparison_table(validated))
         click.echo(f"rates: {rates_file}   report: {written}")
-    leave(calibrated.problems + validated.problems)
+    leave([*calibrated.problems, *validated.outcome.problems])

@@ -6,14 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.by_class import validate_by_class
-from calibration.commands.shared import (
-    comparison_table,
-    leave,
-    refuse_what_a_plan_fixes,
-    report_option,
-    seed_option,
-)
+from calibration.commands.shared import leave, refuse_what_a_plan_fixes, report_option, seed_option
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import NumbersCommand, echo_json, json_option, picture_of, table_of
 from kinetics.support.cli.study_folder import PLAN, RUNS, is_filled, or_study_folder, rates_of
@@ -22,8 +15,6 @@ from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
     from calibration.pipeline.bars import Bar
-    from mechsim.commands.options import ShardWork
-    from mechsim.runs.executors import Executor
 
 
 @click.command(cls=NumbersCommand)
@@ -97,20 +88,13 @@ if TYPE_CHECKING:
 def validate(
     scene: str,
     rates_name: str,
-    cubes: tuple[int, ...],
-    runs: int,
-    duration: float,
     control_name: str | None,
     csv_files: tuple[str, ...],
     groups: int | None,
     plot_files: tuple[str, ...],
     report: str | None,
-    runs_folder: str,
-    workers: Executor,
-    part: ShardWork | None,
-    progress: bool | None,
-    seed: int,
     as_json: bool,
+    **how: Any,
 ) -> None:
     """Compare predictions with mechanics runs of a scene that the rates never saw.
 
@@ -129,78 +113,61 @@ def validate(
     distance of a run from the predicted distribution, in copies; it is shown beside the model's score against its own
     runs. Exit code 4: some runs were stopped by the guard or given up.
     """
-    from calibration.pipeline.held_out_study import check_held_out, run_planned_validation, run_validation
-    from calibration.pipeline.plan import StudyPlan, is_plan
-    from calibration.pipeline.study_runs import assembly_specs
-    from kinetics.rates import Rates, are_by_class
-    from mechsim.scene import Scene
+    from calibration.commands.tables import comparison_table, growth_tables
+    from calibration.pipeline.held_out_study import (
+        GrowthStudy,
+        ValidationStudy,
+        check_held_out,
+        run_growth_validation,
+        run_validation,
+    )
+    from calibration.pipeline.study_runs import StudyRuns
+    from kinetics.rates import ClassRates, Rates, are_by_class
 
-    plan = StudyPlan.load(scene) if is_plan(scene) else None
-    if plan is not None:
+    asked = {"sizes": how["cubes"]} | {name: how[name] for name in ("runs", "duration", "seed")}
+    runs = StudyRuns.asked_for(scene, "held_out", **asked)
+    if runs.plan is not None:
         refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
-        seed = plan.held_out.seed
     elif control_name:
         raise ValueError("--control: only a plan states rules that a control must fail; give a plan, or leave it out")
-    described = Scene.load(plan.scene if plan else scene)
-    if are_by_class(rates_name):
-        if (report and not is_filled("report")) or control_name:
-            raise ValueError("--report and --control are for rates by channel; leave them out, or use --json")
-        specs = plan.specs(plan.held_out) if plan else assembly_specs(described, cubes, runs, duration, seed)
-        if part is not None:
-            part.make(specs, runs_folder, workers, progress, as_json)
-        else:
-            validate_by_class(specs, rates_name, csv_files, plot_files, groups, runs_folder, workers, progress, as_json)
-        return
-    if plot_files or groups:
+    by_class = are_by_class(rates_name)
+    if by_class and ((report and not is_filled("report")) or control_name):
+        raise ValueError("--report and --control are for rates by channel; leave them out, or use --json")
+    if not by_class and (plot_files or groups):
         raise ValueError("--plot and --groups are for rates by class; leave them out, or take --report")
-    rates = Rates.load(rates_name)
-    check_held_out(described, rates, seed)
-    if part is not None:
-        specs = plan.specs(plan.held_out) if plan else assembly_specs(described, cubes, runs, duration, seed)
-        part.make(specs, runs_folder, workers, progress, as_json)
+    rates = ClassRates.load(rates_name) if by_class else Rates.load(rates_name)
+    check_held_out(runs, rates)
+    folder, common = how["runs_folder"], {name: how[name] for name in ("workers", "progress")}
+    if how["part"] is not None:
+        how["part"].make(runs.specs, folder, as_json=as_json, **common)
         return
-    common: dict[str, Any] = {"workers": workers, "progress": progress}
-    if plan is not None:
-        study = run_planned_validation(plan, rates, runs_folder, **common)
-    else:
-        sizes: dict[str, Any] = {"sizes": cubes, "runs": runs, "duration": duration}
-        study = run_validation(described, rates, runs_folder, seed=seed, **sizes, **common)
+    study: ValidationStudy | GrowthStudy
+    told: dict[str, Any] = {}
     cleared: list[Bar] = []
-    if plan is not None:
-        from calibration.pipeline.bars import bars
+    if isinstance(rates, ClassRates):
+        study = run_growth_validation(runs, rates, folder, most_groups=groups, **common)
+    else:
+        study = run_validation(runs, rates, folder, **common)
+        if runs.plan is not None:
+            from calibration.pipeline.bars import bars
 
-        control = (
-            run_planned_validation(plan, Rates.load(control_name), runs_folder, **common) if control_name else None
-        )
-        cleared = bars(plan.verdict, study, control)
+            control = run_validation(runs, Rates.load(control_name), folder, **common) if control_name else None
+            cleared = bars(runs.plan.verdict, study, control)
+        told = {"plan": runs.plan and runs.plan.name, "seed": runs.seed, "rules": [bar.to_dict() for bar in cleared]}
+        told |= {name: None if runs.plan else how[name] for name in ("duration", "runs")}
     for csv_file in csv_files:
-        import pandas as pd
-
-        write_whole(csv_file, pd.DataFrame([row.to_dict() for row in study.events]).to_csv(index=False))
-    if report:
+        write_whole(csv_file, study.to_dataframe().to_csv(index=False))
+    if isinstance(study, GrowthStudy):
+        for plot_file in plot_files:
+            study.save_plot(plot_file)
+    if report and isinstance(study, ValidationStudy):
         from calibration.reporting.overview import validation_report
 
         validation_report(study, cleared).write(report, data=True)
     if as_json:
-        echo_json(
-            {
-                "rates": rates_name,
-                "plan": plan and plan.name,
-                "duration": None if plan else duration,
-                "runs": None if plan else runs,
-                "seed": seed,
-                "is_consistent": study.is_consistent,
-                "verdict": study.verdict.sentence,
-                "rules": [bar.to_dict() for bar in cleared],
-                "events": [row.to_dict() for row in study.events],
-                "comparisons": [comparison.to_dict() for comparison in study.comparisons],
-                "diagnostics": study.diagnosis.to_dict(),
-                "digest": study.outcome.digest,
-                "problems": study.problems,
-            }
-        )
+        echo_json({"rates": rates_name} | told | study.to_dict())
     else:
-        click.echo(comparison_table(study))
+        click.echo(comparison_table(study) if isinstance(study, ValidationStudy) else growth_tables(study))
         for bar in cleared:
             click.echo(f"rule: {bar.sentence}")
-    leave(study.problems)
+    leave(study.outcome.problems)

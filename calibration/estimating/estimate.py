@@ -163,6 +163,11 @@ class Calibration(Shown):
         """Channels that no run could have fired."""
         return tuple(e.channel for e in self.estimates if not e.is_measured)
 
+    @property
+    def not_seen(self) -> list[str]:
+        """Channels that could fire, and never did."""
+        return [e.channel for e in self.estimates if e.is_measured and not e.events]
+
     def rates(self, evidence: Mapping[str, Any] | None = None) -> Rates:
         """The estimates as a rates table with 95 % intervals; `evidence` says where they come from.
 

@@ -1,108 +1,24 @@
-"""The calibration study: mechanics runs along the assembly path, and the rates that they give."""
+"""Calibration from mechanics runs: of the channels of one book, or of the rate classes of several."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from calibration.estimating.break_comparison import BreakComparison, rates_with_breaks
-from calibration.estimating.diagnosing.diagnosis import Diagnosis
-from calibration.estimating.estimate import Calibration, estimate
-from calibration.pipeline.plan import StudyPlan
-from calibration.pipeline.study_runs import assembly_specs, diagnosed, made, problems_of, sound_of
-from kinetics.rates import Rates
+from calibration.estimating.class_calibration import BookRuns
+from calibration.estimating.study import CalibrationStudy, ClassStudy
+from calibration.pipeline.study_runs import StudyRuns, bonds_of, made
+from kinetics.runs import JumpPath
 from mechsim.effects import EFFECTS
 from mechsim.runs.ensemble import Outcome
 from mechsim.runs.executors import Executor
 from mechsim.runs.record import RunRecord, book_of, kinds
 from mechsim.runs.species import some_of
 from mechsim.scene import Scene
-
-
-@dataclass(frozen=True, eq=False)
-class CalibrationStudy:
-    """Calibration runs and what they show. Runs that the guard stopped are left out, and counted.
-
-    breaks : name of the break model, or `auto` for the one that the runs choose
-    """
-
-    scene: Scene
-    outcome: Outcome
-    settings: dict[str, Any]
-    breaks: str = "auto"
-
-    @property
-    def name(self) -> str:
-        """Of the scene."""
-        return self.scene.name
-
-    @property
-    def source(self) -> str:
-        """Where the rates come from, in words."""
-        cubes = ", ".join(map(str, sorted({record.spec.n_cubes for record in self.sound})))
-        return f"{len(self.sound)} mechanics runs with {cubes} cubes, {self.cpu_seconds:.0f} s CPU"
-
-    @property
-    def made(self) -> str:
-        """How the runs were made, in a sentence."""
-        if "plan" in self.settings:
-            return f"Tanks, runs and lengths are those of the plan {self.settings['plan']}."
-        return "Runs start from single cubes and are not restarted: rates are measured along the assembly itself."
-
-    @cached_property
-    def sound(self) -> list[RunRecord]:
-        """Runs that reached their end; ValueError where none did."""
-        return sound_of(self.outcome)
-
-    @cached_property
-    def calibration(self) -> Calibration:
-        """Pooled events and exposures of all channels."""
-        return estimate(record.path for record in self.sound)
-
-    @cached_property
-    def break_models(self) -> BreakComparison | None:
-        """Break models fitted to the runs; all of them, or the one that was asked for. None without breaks."""
-        paths = [record.path for record in self.sound]
-        return BreakComparison.asked_for(self.breaks, paths, within=2 * self.scene.numerics.step)
-
-    @cached_property
-    def diagnosis(self) -> Diagnosis:
-        """Are the runs those of a well-mixed Markov chain, whose bonds break as the chosen model says?"""
-        return diagnosed(self.sound, None if self.break_models is None else self.break_models.chosen)
-
-    @property
-    def cpu_seconds(self) -> float:
-        """Of all runs."""
-        return sum(record.cost["cpu_seconds"] for record in self.outcome.records)
-
-    @property
-    def problems(self) -> list[str]:
-        """Runs that were stopped by the guard or given up, in words."""
-        return problems_of(self.outcome)
-
-    @cached_property
-    def rates(self) -> Rates:
-        """The estimates with their evidence, ready to be saved; see `Calibration.rates` for what was not measured."""
-        evidence = {
-            "scene": self.scene.name,
-            "scene_hash": self.scene.fingerprint,
-            "rules": self.scene.content["rules"],
-            "rules_hash": book_of(self.scene.rules)[0].fingerprint,
-            **self.settings,
-            "runs": len(self.sound),
-            "runs_left_out": len(self.problems),
-            "runs_digest": self.outcome.digest,
-            "cpu_seconds": round(self.cpu_seconds, 1),
-            "versions": {name: version(name) for name in ("wellmixed", *self.scene.packages)},
-            "doubtful_tests": self.diagnosis.doubtful,
-        }
-        return rates_with_breaks(self.calibration, self.break_models, evidence)
 
 
 def check_measurable(scene: Scene, sizes: Sequence[int]) -> None:
@@ -112,7 +28,7 @@ def check_measurable(scene: Scene, sizes: Sequence[int]) -> None:
     if book.seed() is not None:
         raise ValueError(
             f"book {scene.rules} grows from a seed: a tank holds one growing structure, so its {len(network.channels)} "
-            "channels are not measured one by one; calibrate --by class"
+            "channels are not measured one by one; take calibrate classes"
         )
     for kind in dict.fromkeys(kinds(derivation)):
         if not scene.openers(kind):
@@ -128,39 +44,103 @@ def check_measurable(scene: Scene, sizes: Sequence[int]) -> None:
 
 
 def run_calibration(
-    scene: Scene,
-    runs_folder: str | Path,
-    *,
-    sizes: Sequence[int] = (60,),
-    runs: int = 20,
-    duration: float = 1000.0,
-    seed: int = 1,
-    breaks: str = "auto",
-    workers: int | Executor = 1,
-    progress: bool | None = None,
-) -> CalibrationStudy:
-    """Make the missing calibration runs and read the others: `runs` assemblies from single cubes at each size.
-
-    ValueError for a scene that does not pass `check_measurable`.
-    """
-    check_measurable(scene, sizes)
-    outcome = made(assembly_specs(scene, sizes, runs, duration, seed), runs_folder, workers, progress)
-    settings = {"cubes": list(dict.fromkeys(sizes)), "duration": duration, "seed": seed}
-    return CalibrationStudy(scene, outcome, settings, breaks)
-
-
-def run_planned_calibration(
-    plan: StudyPlan,
-    runs_folder: str | Path,
+    runs: StudyRuns,
+    folder: str | Path,
     *,
     breaks: str | None = None,
     workers: int | Executor = 1,
     progress: bool | None = None,
 ) -> CalibrationStudy:
-    """Make the missing calibration runs of a plan and read the others.
+    """Make the missing calibration runs and read the others.
 
-    breaks : name of a break model in the place of the plan's, such as that of its control; the evidence says so
+    breaks : name of a break model in the place of the plan's, such as that of its control, or `auto`
+
+    ValueError: a scene that does not pass `check_measurable`; no run reached its end.
     """
-    outcome = made(plan.specs(plan.calibration), runs_folder, workers, progress)
-    settings = {"plan": plan.name, "plan_hash": plan.fingerprint, "seed": plan.calibration.seed}
-    return CalibrationStudy(Scene.load(plan.scene), outcome, settings, breaks or plan.breaks)
+    scene, plan = runs.scene, runs.plan
+    if plan is None:
+        check_measurable(scene, runs.sizes)
+        asked = {"cubes": runs.sizes, "duration": runs.specs[0].duration, "seed": runs.seed}
+        words = "Runs start from single cubes and are not restarted: rates are measured along the assembly itself."
+    else:
+        asked = {"plan": plan.name, "plan_hash": plan.fingerprint, "seed": runs.seed}
+        words = f"Tanks, runs and lengths are those of the plan {plan.name}."
+    outcome = runs.make(folder, workers, progress)
+    sound = sound_of(outcome)
+    cubes = ", ".join(map(str, sorted({record.spec.n_cubes for record in sound})))
+    return CalibrationStudy(
+        name=scene.name,
+        paths=[record.path for record in sound],
+        evidence={
+            "scene": scene.name,
+            "scene_hash": scene.fingerprint,
+            "rules": scene.content["rules"],
+            "rules_hash": book_of(scene.rules)[0].fingerprint,
+            **asked,
+            **evidence_of(outcome, scene.packages),
+        },
+        source=f"{len(sound)} mechanics runs with {cubes} cubes, {outcome.cpu_seconds:.0f} s CPU",
+        made=words,
+        breaks=breaks or ("auto" if plan is None else plan.breaks),
+        within=2 * scene.numerics.step,
+        bonds=bonds_of(sound),
+        problems=outcome.problems,
+    )
+
+
+def run_class_calibration(
+    parts: Sequence[StudyRuns],
+    folder: str | Path,
+    *,
+    breaks: str | None = None,
+    share: str = "auto",
+    workers: int | Executor = 1,
+    progress: bool | None = None,
+) -> ClassStudy:
+    """Make the missing runs of all scenes and plans and read the others; they may be of several books.
+
+    breaks : name of a break model, or `auto`; None for that of the first plan, or else `auto`
+    share : what the classes of one constant have in common, or `auto`
+
+    ValueError: no run reached its end.
+    """
+    plans = [part.plan for part in parts if part.plan is not None]
+    outcome = made([spec for part in parts for spec in part.specs], folder, workers, progress)
+    sound = sound_of(outcome)
+    scenes = {record.spec.scene.name: record.spec.scene for record in sound}
+    books: dict[str, list[JumpPath]] = {}
+    for record in sound:
+        books.setdefault(record.spec.scene.rules, []).append(record.path)
+    return ClassStudy(
+        books=[BookRuns(book_of(rules)[1], tuple(paths)) for rules, paths in books.items()],
+        evidence={
+            "scenes": list(scenes),
+            "scene_hashes": [scene.fingerprint for scene in scenes.values()],
+            "rules": list(dict.fromkeys(scene.rules for scene in scenes.values())),
+            "seeds": list(dict.fromkeys(part.seed for part in parts)),
+            "plans": {plan.name: plan.fingerprint for plan in plans},
+            **evidence_of(outcome, dict.fromkeys(name for scene in scenes.values() for name in scene.packages)),
+        },
+        source=f"{len(sound)} mechanics runs of {', '.join(scenes)}, {outcome.cpu_seconds:.0f} s CPU",
+        breaks=breaks or next((plan.breaks for plan in plans), "auto"),
+        share=share,
+        problems=outcome.problems,
+    )
+
+
+def sound_of(outcome: Outcome) -> list[RunRecord]:
+    """Calibration runs that reached their end; ValueError, with the first problem, where none did."""
+    if not outcome.sound:
+        raise ValueError(f"no calibration run reached its end; the first of them: {outcome.problems[0]}")
+    return outcome.sound
+
+
+def evidence_of(outcome: Outcome, packages: Iterable[str]) -> dict[str, Any]:
+    """What a rates file says of the runs behind it, whatever they are of."""
+    return {
+        "runs": len(outcome.sound),
+        "runs_left_out": len(outcome.problems),
+        "runs_digest": outcome.digest,
+        "cpu_seconds": round(outcome.cpu_seconds, 1),
+        "versions": {name: version(name) for name in ("wellmixed", *packages)},
+    }

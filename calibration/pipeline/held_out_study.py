@@ -1,4 +1,4 @@
-"""The held-out study: assembly runs that the rates never saw, beside their prediction."""
+"""Held-out mechanics runs, which the rates never saw, beside their prediction: by channel, and by class in growth."""
 
 from __future__ import annotations
 
@@ -6,22 +6,28 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from calibration.estimating.diagnosing.diagnosis import Diagnosis
-from calibration.pipeline.plan import StudyPlan
-from calibration.pipeline.study_runs import assembly_specs, diagnosed, made, problems_of
+from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
+from calibration.pipeline.study_runs import StudyRuns, bonds_of
 from calibration.validating.crossvalidation import crossvalidate
+from calibration.validating.growth_curves import GROUPS, MOST_GROUPS, GrowthComparison, compare_growth
 from calibration.validating.over_sizes import ComparedSizes
 from kinetics.network import Tank
-from kinetics.rates import Rates
+from kinetics.networkfree import growth_of
+from kinetics.rates import ClassRates, Rates
 from kinetics.support.cli.progress import stage
 from mechsim.runs.ensemble import Outcome
 from mechsim.runs.executors import Executor
-from mechsim.runs.record import RunSpec, book_of
+from mechsim.runs.record import RunRecord, RunSpec, book_of
 from mechsim.runs.species import species_of
-from mechsim.scene import Scene
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+POINTS = 41  # times of a comparison
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,76 +40,117 @@ class ValidationStudy(ComparedSizes):
     @cached_property
     def diagnosis(self) -> Diagnosis:
         """Do the held-out runs of all sizes together behave as the chain of these rates would?"""
-        return diagnosed([record for record in self.outcome.records if record.completed], self.rates)
+        sound = self.outcome.sound
+        return diagnose([record.path for record in sound], self.rates, bonds_of(sound))
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Events seen and expected, one row a size and group of channels."""
+        import pandas as pd
+
+        return pd.DataFrame([row.to_dict() for row in self.events])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Verdict, events, comparisons and diagnostics, ready for JSON."""
+        return {
+            "is_consistent": self.is_consistent,
+            "verdict": self.verdict.sentence,
+            "events": [row.to_dict() for row in self.events],
+            "comparisons": [comparison.to_dict() for comparison in self.comparisons],
+            "diagnostics": self.diagnosis.to_dict(),
+            "digest": self.outcome.digest,
+            "problems": self.outcome.problems,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class GrowthStudy:
+    """Held-out runs beside their prediction by class rates, one comparison an initial state."""
+
+    comparisons: tuple[GrowthComparison, ...]
+    rates: ClassRates
+    outcome: Outcome
 
     @property
-    def problems(self) -> list[str]:
-        """Runs that were stopped by the guard or given up, in words."""
-        return problems_of(self.outcome)
+    def is_consistent(self) -> bool:
+        """Whether every comparison is."""
+        return all(comparison.is_consistent for comparison in self.comparisons)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """All curves, one row a time and curve of each comparison."""
+        import pandas as pd
+
+        return pd.concat([comparison.to_dataframe() for comparison in self.comparisons])
+
+    def save_plot(self, file: str) -> None:
+        """One figure of all comparisons, above each other."""
+        from kinetics.support import plots
+
+        def draw(figure: Any) -> None:
+            figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)  # inches; titles keep off the frame
+            parts = figure.subfigures(len(self.comparisons), 1, squeeze=False)
+            for part, comparison in zip(parts.flat, self.comparisons, strict=True):
+                comparison.plot(part)
+
+        rows = sum(-(-len(comparison.curves) // 3) for comparison in self.comparisons)
+        plots.save_figure(file, draw, (9.0, 0.6 + 2.1 * rows))
+
+    def to_dict(self) -> dict[str, Any]:
+        """All comparisons, ready for JSON."""
+        return {
+            "is_consistent": self.is_consistent,
+            "comparisons": [comparison.to_dict() for comparison in self.comparisons],
+            "digest": self.outcome.digest,
+            "problems": self.outcome.problems,
+        }
 
 
-def check_held_out(scene: Scene, rates: Rates, seed: int) -> None:
-    """ValueError for rates of another network, or calibrated with the same seed: those runs would share their random
-    numbers with the calibration."""
-    rates.apply(book_of(scene.rules)[1].network)
-    if rates.evidence.get("seed") == seed:
-        raise ValueError(f"the rates were calibrated with seed {seed} too; held-out runs need another --seed")
+def check_held_out(runs: StudyRuns, rates: Rates | ClassRates) -> None:
+    """ValueError where rates cannot predict these runs, or saw them.
+
+    They are those of another network or tank, or lack a class; or they were measured with the same seed, so that
+    calibration and test would share their random numbers.
+    """
+    seen = rates.evidence.get("seeds", [rates.evidence.get("seed")])
+    if runs.seed in seen:
+        raise ValueError(f"the rates were calibrated with seed {runs.seed} too; held-out runs need another --seed")
+    if isinstance(rates, Rates):
+        rates.apply(book_of(runs.scene.rules)[1].network)
+        return
+    for scene in {spec.scene.fingerprint: spec.scene for spec in runs.specs}.values():
+        if rates.tank is not None and rates.tank != scene.tank.size:
+            raise ValueError(
+                f"the rates were measured in a tank of {rates.tank}; scene {scene.name} has {scene.tank.size}: "
+                "calibrate in that one"
+            )
+        for rate_class in book_of(scene.rules)[1].rate_classes:
+            rates.key(rate_class)
 
 
 def run_validation(
-    scene: Scene,
+    runs: StudyRuns,
     rates: Rates,
-    runs_folder: str | Path,
+    folder: str | Path,
     *,
-    sizes: Sequence[int] = (60, 80, 120),
-    runs: int = 10,
-    duration: float = 2000.0,
-    points: int = 41,
-    seed: int = 2,
     workers: int | Executor = 1,
     progress: bool | None = None,
 ) -> ValidationStudy:
-    """Make the missing held-out runs and compare them with the prediction at `points` times from 0 to `duration`.
+    """Make the missing held-out runs and compare them with the prediction, runs of one tank and size at a time.
 
-    ValueError for rates that do not pass `check_held_out`.
+    ValueError: rates that do not pass `check_held_out`; a single run of some size.
     """
-    if runs < 2:
-        raise ValueError(f"runs = {runs}; a mean with an interval needs at least 2")
-    check_held_out(scene, rates, seed)
-    specs = assembly_specs(scene, sizes, runs, duration, seed)
-    return _compared(scene, rates, specs, made(specs, runs_folder, workers, progress), points)
-
-
-def run_planned_validation(
-    plan: StudyPlan,
-    rates: Rates,
-    runs_folder: str | Path,
-    *,
-    points: int = 41,
-    workers: int | Executor = 1,
-    progress: bool | None = None,
-) -> ValidationStudy:
-    """Make the missing held-out runs of a plan and compare them with the prediction.
-
-    ValueError for rates that do not pass `check_held_out`.
-    """
-    scene = Scene.load(plan.scene)
-    check_held_out(scene, rates, plan.held_out.seed)
-    specs = plan.specs(plan.held_out)
-    return _compared(scene, rates, specs, made(specs, runs_folder, workers, progress), points)
-
-
-def _compared(scene: Scene, rates: Rates, specs: Sequence[RunSpec], outcome: Outcome, points: int) -> ValidationStudy:
-    """Each group of runs alike beside its prediction."""
-    book, derivation = book_of(scene.rules)
-    target = species_of(derivation, book.target)
-    finished = {record.spec.key: record for record in outcome.records if record.completed}
     groups: dict[tuple[tuple[float, float, float], int], list[RunSpec]] = {}
-    for spec in specs:
+    for spec in runs.specs:
         groups.setdefault((spec.scene.tank.size, spec.n_cubes), []).append(spec)
+    if (fewest := min(map(len, groups.values()))) < 2:
+        raise ValueError(f"runs = {fewest}; a mean with an interval needs at least 2")
+    check_held_out(runs, rates)
+    outcome = runs.make(folder, workers, progress)
+    book, derivation = book_of(runs.scene.rules)
+    target = species_of(derivation, book.target)
+    finished = {record.spec.key: record for record in outcome.sound}
     comparisons = []
     for number, ((size, n), alike) in enumerate(groups.items()):
-        label = f"{n} cubes" if size == scene.tank.size else f"{n} cubes in {Tank(size)}"
+        label = f"{n} cubes" if size == runs.scene.tank.size else f"{n} cubes in {Tank(size)}"
         records = [finished[spec.key] for spec in alike if spec.key in finished]
         if len(records) < 2:
             raise ValueError(f"fewer than two of the runs with {label} reached their end: nothing to compare")
@@ -113,12 +160,53 @@ def _compared(scene: Scene, rates: Rates, specs: Sequence[RunSpec], outcome: Out
                 derivation.network,
                 rates,
                 [record.path for record in records],
-                np.linspace(0.0, alike[0].duration, points),
+                np.linspace(0.0, alike[0].duration, POINTS),
                 target=target,
                 label=label,
-                seed=alike[0].seed,
+                seed=runs.seed,
                 mechanics_cpu=sum(record.cost["cpu_seconds"] for record in records),
                 number=number,
             )
         )
     return ValidationStudy(tuple(comparisons), rates, outcome)
+
+
+def run_growth_validation(
+    runs: StudyRuns,
+    rates: ClassRates,
+    folder: str | Path,
+    *,
+    most_groups: int | None = None,
+    workers: int | Executor = 1,
+    progress: bool | None = None,
+) -> GrowthStudy:
+    """Make the missing held-out runs and compare them with growth under draws of class rates.
+
+    most_groups : predicted groups that decide where a p-value is small; None: `MOST_GROUPS`
+
+    ValueError: rates that do not pass `check_held_out`; no run reached its end.
+    """
+    check_held_out(runs, rates)
+    outcome = runs.make(folder, workers, progress)
+    alike: dict[tuple[Any, ...], list[RunRecord]] = {}
+    for record in outcome.sound:
+        spec = record.spec
+        alike.setdefault((spec.scene.fingerprint, *spec.composition.items(), spec.duration), []).append(record)
+    if not alike:
+        raise ValueError("no held-out run reached its end: nothing to compare")
+    most = MOST_GROUPS if most_groups is None else most_groups
+    return GrowthStudy(tuple(_grown(rates, records, most) for records in alike.values()), rates, outcome)
+
+
+def _grown(rates: ClassRates, records: Sequence[RunRecord], most: int) -> GrowthComparison:
+    """Runs of one initial state beside their prediction."""
+    spec = records[0].spec
+    contents = ", ".join(_copies(n, name) for name, n in spec.composition.items())
+    growths = [growth_of(record.path, book_of(spec.scene.rules)[1]) for record in records]
+    times = np.minimum(np.linspace(0.0, spec.duration, POINTS), growths[0].end)
+    return compare_growth(rates, growths, times, f"from {contents}", min(GROUPS, most), most, spec.seed)
+
+
+def _copies(n: int, species: str) -> str:
+    """`4 seeds`; a name that is no word, as `trimer.b`, stays as it is."""
+    return f"{n} {species}{'s' if n != 1 and species.isalpha() else ''}"

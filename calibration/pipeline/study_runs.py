@@ -1,14 +1,14 @@
-"""The mechanics runs of a study: assembly from single cubes, made or found, and what the runs say together."""
+"""The mechanics runs of a study: those of a plan, or assembly from single cubes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, Literal
 
-from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
-from calibration.estimating.rate_fit import RateFit
-from kinetics.rates import Rates
+from calibration.pipeline.plan import StudyPlan, is_plan
+from kinetics.support.arrays import Ints
 from mechsim.runs.ensemble import Outcome, run_all
 from mechsim.runs.executors import Executor
 from mechsim.runs.preflight import check_starts
@@ -18,15 +18,52 @@ from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
 
 
-def assembly_specs(scene: Scene, sizes: Sequence[int], runs: int, duration: float, seed: int) -> list[RunSpec]:
-    """Assembly from single cubes: `runs` runs of `duration` tu at each number of cubes, of which none is restarted."""
-    if runs < 1:
-        raise ValueError(f"runs = {runs}; expected at least 1")
-    if not sizes or min(sizes) < 1:
-        raise ValueError(f"cubes = {list(sizes)}; expected one or more sizes of at least 1")
-    derivation = book_of(scene.rules)[1]
-    starts = [single_cubes(derivation, n) for n in dict.fromkeys(sizes)]
-    return [RunSpec(scene, start, duration, seed, run) for start in starts for run in range(runs)]
+@dataclass(frozen=True, eq=False)
+class StudyRuns:
+    """Runs that calibrate, or that are held out; none of an assembly is restarted.
+
+    scene : theirs; a plan may put runs into other tanks
+    seed : of all of them
+    plan : the plan whose runs they are; None: assembly from single cubes
+    """
+
+    scene: Scene
+    specs: Sequence[RunSpec]
+    seed: int
+    plan: StudyPlan | None = None
+
+    @classmethod
+    def planned(cls, plan: StudyPlan, part: Literal["calibration", "held_out"]) -> StudyRuns:
+        """The runs of one part of a plan."""
+        runs = plan.calibration if part == "calibration" else plan.held_out
+        return cls(Scene.load(plan.scene), plan.specs(runs), runs.seed, plan)
+
+    @classmethod
+    def assembly(cls, scene: Scene, sizes: Sequence[int], runs: int, duration: float, seed: int) -> StudyRuns:
+        """Assembly from single cubes: `runs` runs of `duration` tu at each number of cubes."""
+        if runs < 1:
+            raise ValueError(f"runs = {runs}; expected at least 1")
+        if not sizes or min(sizes) < 1:
+            raise ValueError(f"cubes = {list(sizes)}; expected one or more sizes of at least 1")
+        derivation = book_of(scene.rules)[1]
+        starts = [single_cubes(derivation, n) for n in dict.fromkeys(sizes)]
+        return cls(scene, [RunSpec(scene, start, duration, seed, run) for start in starts for run in range(runs)], seed)
+
+    @classmethod
+    def asked_for(cls, source: str, part: Literal["calibration", "held_out"], **assembly: Any) -> StudyRuns:
+        """The runs of a plan, if `source` is the file of one, or else assembly in a scene; see `assembly`."""
+        if is_plan(source):
+            return cls.planned(StudyPlan.load(source), part)
+        return cls.assembly(Scene.load(source), **assembly)
+
+    @property
+    def sizes(self) -> list[int]:
+        """Numbers of cubes, each once."""
+        return list(dict.fromkeys(spec.n_cubes for spec in self.specs))
+
+    def make(self, folder: str | Path, workers: int | Executor = 1, progress: bool | None = None) -> Outcome:
+        """Make what is missing and read the others."""
+        return made(self.specs, folder, workers, progress)
 
 
 def made(
@@ -39,28 +76,14 @@ def made(
 
 def watched_run(scene: Scene, runs_folder: str | Path, *, cubes: int = 60, duration: float, seed: int) -> RunRecord:
     """One run from single cubes with its first and last poses, for a picture."""
-    (spec,) = assembly_specs(scene, [cubes], 1, duration, seed)
+    (spec,) = StudyRuns.assembly(scene, [cubes], 1, duration, seed).specs
     outcome = made([replace(spec, poses=duration)], runs_folder, progress=False)
     if not outcome.records:
-        raise ValueError(problems_of(outcome)[0])
+        raise ValueError(outcome.problems[0])
     return outcome.records[0]
 
 
-def problems_of(outcome: Outcome) -> list[str]:
-    """Runs that were stopped by the guard or given up, in words."""
-    stopped = [f"{r.spec.title}: {r.outcome}" for r in outcome.records if not r.completed]
-    return stopped + [f"{q.spec.title}: given up: {q.reasons[-1]}" for q in outcome.quarantined]
-
-
-def diagnosed(records: Sequence[RunRecord], fit: RateFit | Rates | None) -> Diagnosis:
-    """By pieces too, where all records know the cubes of their events."""
+def bonds_of(records: Sequence[RunRecord]) -> list[Ints] | None:
+    """The two cubes of each event, run by run; None unless all records know them."""
     bonds = [record.arrays["bonds"] for record in records if "bonds" in record.arrays]
-    return diagnose([record.path for record in records], fit, bonds if len(bonds) == len(records) else None)
-
-
-def sound_of(outcome: Outcome) -> list[RunRecord]:
-    """Calibration runs that reached their end; ValueError, with the first problem, where none did."""
-    sound = [record for record in outcome.records if record.completed]
-    if not sound:
-        raise ValueError(f"no calibration run reached its end; the first of them: {problems_of(outcome)[0]}")
-    return sound
+    return bonds if len(bonds) == len(records) else None

@@ -15,9 +15,8 @@ if TYPE_CHECKING:
     from calibration.estimating.break_comparison import BreakComparison
     from calibration.estimating.diagnosing.diagnosis import Diagnosis
     from calibration.estimating.estimate import Calibration
-    from calibration.observed.study import ObservedStudy
+    from calibration.estimating.study import CalibrationStudy
     from calibration.pipeline.bars import Bar
-    from calibration.pipeline.calibration_study import CalibrationStudy
     from calibration.pipeline.held_out_study import ValidationStudy
     from calibration.validating.comparison import CrossValidation
     from calibration.validating.events import EventRow
@@ -64,7 +63,7 @@ spread is judged among simulated groups of as many runs.
 Draw = Callable[[Any], Any]
 
 
-def calibration_report(study: CalibrationStudy | ObservedStudy) -> HtmlReport:
+def calibration_report(study: CalibrationStudy) -> HtmlReport:
     """What the calibration runs showed."""
     return HtmlReport(f"Rates of {study.name}", _calibration_parts(study), study.rates.evidence)
 
@@ -83,7 +82,7 @@ def full_report(calibrated: CalibrationStudy, validated: ValidationStudy, tank: 
     return HtmlReport(f"{calibrated.name}: from mechanics to prediction", parts, calibrated.rates.evidence)
 
 
-def _calibration_parts(study: CalibrationStudy | ObservedStudy) -> list[Part]:
+def _calibration_parts(study: CalibrationStudy) -> list[Part]:
     table3 = Rates.load("table3")
     is_papers_line = set(table3.channels) == set(study.calibration.network.channels)
     about = of_unit("Rate constants", inverse(study.calibration.network.time_unit))
@@ -105,14 +104,9 @@ def _calibration_parts(study: CalibrationStudy | ObservedStudy) -> list[Part]:
     ]
 
 
-def not_seen(calibration: Calibration) -> list[str]:
-    """Channels that could fire, and never did."""
-    return [each.channel for each in calibration.estimates if each.is_measured and not each.events]
-
-
 def about_not_seen(calibration: Calibration) -> str:
     """What is known of channels without events, in a sentence; nothing where all were seen."""
-    names = ", ".join(not_seen(calibration))
+    names = ", ".join(calibration.not_seen)
     unseen = names and f"Not seen: {names}. Of a rate without events the runs give no more than the upper limit."
     return " ".join(filter(None, (unseen, about_priors(calibration.not_measured))))
 

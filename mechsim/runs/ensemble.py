@@ -63,6 +63,22 @@ class Outcome:
         """SHA-256 over the results: the same for any number of workers and however often the work was interrupted."""
         return digest_of(self.records)
 
+    @property
+    def sound(self) -> list[RunRecord]:
+        """Runs that reached their end."""
+        return [record for record in self.records if record.completed]
+
+    @property
+    def problems(self) -> list[str]:
+        """Runs that were stopped by the guard or given up, in words."""
+        stopped = [f"{record.spec.title}: {record.outcome}" for record in self.records if not record.completed]
+        return stopped + [f"{one.spec.title}: given up: {one.reasons[-1]}" for one in self.quarantined]
+
+    @property
+    def cpu_seconds(self) -> float:
+        """CPU time of all finished runs, s."""
+        return sum(record.cost["cpu_seconds"] for record in self.records)
+
 
 def run_all(
     specs: Iterable[RunSpec],

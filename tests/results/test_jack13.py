@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from calibration.estimating.class_spread import flagged
-from calibration.pipeline.class_study import run_class_calibration
+from calibration.pipeline.calibration_study import run_class_calibration
 from calibration.pipeline.plan import StudyPlan
+from calibration.pipeline.study_runs import StudyRuns
 from kinetics.assembly import RuleBook, check
 from kinetics.rates import ClassRates
 from mechsim.runs.shards import missing
@@ -25,8 +26,7 @@ def test_all_runs_are_there():
 
 
 def test_the_runs_give_the_rates():
-    specs = PLAN.specs(PLAN.calibration)
-    study = run_class_calibration(specs, {}, FOLDER / "runs", progress=False)
+    study = run_class_calibration([StudyRuns.planned(PLAN, "calibration")], FOLDER / "runs", progress=False)
     stored = ClassRates.load(FOLDER / "classes.toml")
     assert stored.evidence["plans"]["jack13"] == PLAN.fingerprint
     assert set(study.rates.classes) == set(stored.classes)
@@ -36,9 +36,8 @@ def test_the_runs_give_the_rates():
 
 
 def test_the_control_has_one_constant_for_all_breaks():
-    study = run_class_calibration(
-        PLAN.specs(PLAN.calibration), {}, FOLDER / "runs", breaks="first-order", share="event", progress=False
-    )
+    runs = StudyRuns.planned(PLAN, "calibration")
+    study = run_class_calibration([runs], FOLDER / "runs", breaks="first-order", share="event", progress=False)
     stored = ClassRates.load(FOLDER / "control.toml")
     assert set(stored.classes) == {"join", "break"}
     assert stored.breaks.model == "first-order"

@@ -10,8 +10,9 @@ import pytest
 
 from calibration.estimating.break_comparison import BreakComparison
 from calibration.pipeline.bars import bars
-from calibration.pipeline.calibration_study import run_planned_calibration
-from calibration.pipeline.held_out_study import run_planned_validation
+from calibration.pipeline.calibration_study import run_calibration
+from calibration.pipeline.held_out_study import run_validation
+from calibration.pipeline.study_runs import StudyRuns
 from calibration.validating import events, predictive
 from calibration.validating.groups import event_groups
 from kinetics.rates import Rates
@@ -74,11 +75,11 @@ def test_rates_are_those_of_the_calibration_runs(file):
     if len(RunStore.found(RUNS).existing(specs)) < len(specs):
         pytest.skip("the stored runs were made with other versions of the engine or of numpy")
     breaks = LINE4.plan.verdict.control if file.startswith("control") else None
-    study = run_planned_calibration(LINE4.plan, RUNS, breaks=breaks, progress=False)
+    study = run_calibration(StudyRuns.planned(LINE4.plan, "calibration"), RUNS, breaks=breaks, progress=False)
     known = Rates.load(STUDY / file)
-    before = BreakComparison.asked_for(breaks or "auto", (unaware_of_several(record.path) for record in study.sound))
+    before = BreakComparison.asked_for(breaks or "auto", map(unaware_of_several, study.paths))
     assert known.breaks.model == (breaks or before.chosen.model.name)
-    assert known.evidence["runs_digest"] == study.outcome.digest
+    assert known.evidence["runs_digest"] == study.evidence["runs_digest"]
     for row in study.calibration.table():
         channel = known.channels[row["channel"]]
         assert channel.events == row["events"]
@@ -139,8 +140,9 @@ def test_the_verdict_is_that_of_the_runs(monkeypatch):
     specs = LINE4.plan.specs(LINE4.plan.held_out)
     if len(RunStore.found(RUNS).existing(specs)) < len(specs):
         pytest.skip("held-out runs are missing, or were made with other versions of the engine or of numpy")
-    study = run_planned_validation(LINE4.plan, LINE4.rates, RUNS, progress=False)
-    control = run_planned_validation(LINE4.plan, Rates.load(STUDY / "control-rates.toml"), RUNS, progress=False)
+    runs = StudyRuns.planned(LINE4.plan, "held_out")
+    study = run_validation(runs, LINE4.rates, RUNS, progress=False)
+    control = run_validation(runs, Rates.load(STUDY / "control-rates.toml"), RUNS, progress=False)
     found = LINE4.stored("validation.json")
     assert [bar.to_dict() for bar in bars(LINE4.plan.verdict, study, control)] == found["rules"]
     assert (study.is_consistent, study.verdict.sentence) == (found["is_consistent"], found["verdict"])

@@ -174,7 +174,7 @@ def tables(tmp_path):
 
 
 def test_the_command(wellmixed_here, tmp_path, tables):
-    command = ["calibrate", "line4", "--events", "events.csv", "--run-table", "runs.csv", "--out", "rates.toml"]
+    command = ["calibrate", "events", "line4", "events.csv", "--run-table", "runs.csv", "--out", "rates.toml"]
     done = wellmixed_here(*command, "--report", "report.html", "--json", cwd=tmp_path)
     assert [row["rate"] for row in done.json["channels"]] == [e.rate for e in estimate(paths_of_all_kinds()).estimates]
     rates = Rates.load(tmp_path / "rates.toml")
@@ -191,7 +191,7 @@ def test_the_command(wellmixed_here, tmp_path, tables):
 def test_the_command_with_one_run(wellmixed_here, tmp_path):
     path = paths_of_all_kinds()[0]
     counts_table(path, "a").to_csv(tmp_path / "counts.csv", index=False)
-    command = ["calibrate", "line4", "--events", "counts.csv", "--cubes", 60, "--tank", 2, 2, 3, "--out", "rates.toml"]
+    command = ["calibrate", "events", "line4", "counts.csv", "--cubes", 60, "--tank", 2, 2, 3, "--out", "rates.toml"]
     done = wellmixed_here(*command, "--report", "report.html", cwd=tmp_path)
     assert (done.code, done.err) == (0, "")
     assert re.search(r"(?m)^1\+1->2 .* - ", done.out)  # one run is not tested against others
@@ -214,7 +214,7 @@ def test_a_network_file_says_what_can_happen(wellmixed_here, tmp_path, tables, s
     for name in network.channels:
         runs = runs.replace(name, renamed[name])
     tables[1].write_text(runs)
-    command = ["calibrate", file.name, "--events", "events.csv", "--run-table", "runs.csv", "--out", "rates.toml"]
+    command = ["calibrate", "events", file.name, "events.csv", "--run-table", "runs.csv", "--out", "rates.toml"]
     rows = wellmixed_here(*command, "--json", cwd=tmp_path).json["channels"]
     own = estimate(paths_of_all_kinds()).estimates
     assert [row["events"] for row in rows] == [each.events for each in own]
@@ -223,31 +223,29 @@ def test_a_network_file_says_what_can_happen(wellmixed_here, tmp_path, tables, s
         assert ratio == pytest.approx(network.combinations_of([60, 3, 3, 3])[rows.index(row)] * each.ways * each.rate)
 
 
+WATCHED = ("events", "line4", "events.csv")
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--events", "events.csv", "--runs", 5], "--runs is about mechanics runs, and --events makes none"),
-        (["--events", "events.csv", "--duration", 5], "--duration is about mechanics runs, and --events makes none"),
-        (["--events", "events.csv", "--cubes", 60, 80], "--cubes 60 80: with --events one number, that of the cubes"),
-        (["--events", "events.csv", "--workers", 2], "--workers is about mechanics runs, and --events makes none"),
-        (["--events", "events.csv", "--shard", "1/2"], "--shard is about mechanics runs, and --events makes none"),
-        (["--events", "events.csv", "--seed", 2], "--seed is about mechanics runs, and --events makes none"),
-        (
-            ["--run-table", "runs.csv"],
-            "--run-table describes observed runs; name their table too, by --events",
-        ),
-        (["--tank", 2, 2, 3], "--tank describes observed runs; name their table too"),
-        (["--events", "events.csv"], "run run 0 has no start"),
-        (["--events", "no.csv"], "'no.csv' does not exist"),
-        (["--events", "events.csv", "--run-table", "runs.csv", "--tank", 2, 2, 3], "both --tank and the column tank"),
-        (
-            ["--events", "events.csv", "--run-table", "runs.csv", "--cubes", 61],
-            "this run starts with 60 cubes; expected 61",
-        ),
+        ([*WATCHED, "--runs", 5], "--runs is about mechanics runs, and calibrate events makes none"),
+        ([*WATCHED, "--duration", 5], "--duration is about mechanics runs, and calibrate events makes none"),
+        ([*WATCHED, "--cubes", 60, 80], "--cubes 60 80: of events one number, that of the cubes"),
+        ([*WATCHED, "--workers", 2], "--workers is about mechanics runs, and calibrate events makes none"),
+        ([*WATCHED, "--shard", "1/2"], "--shard is about mechanics runs, and calibrate events makes none"),
+        ([*WATCHED, "--seed", 2], "--seed is about mechanics runs, and calibrate events makes none"),
+        (["line4", "--run-table", "runs.csv"], "--run-table is for calibrate events, not for channels; leave it out"),
+        (["line4", "--tank", 2, 2, 3], "--tank is for calibrate events, not for channels; leave it out"),
+        (["events", "line4"], "expected calibrate events NETWORK TABLE; events line4 came"),
+        (WATCHED, "run run 0 has no start"),
+        (["events", "line4", "no.csv"], "table no.csv does not exist"),
+        ([*WATCHED, "--run-table", "runs.csv", "--tank", 2, 2, 3], "both --tank and the column tank"),
+        ([*WATCHED, "--run-table", "runs.csv", "--cubes", 61], "this run starts with 60 cubes; expected 61"),
     ],
 )
 def test_options_that_do_not_go_together(wellmixed_here, tmp_path, tables, options, said):
-    done = wellmixed_here("calibrate", "line4", "--out", "rates.toml", *options, cwd=tmp_path)
+    done = wellmixed_here("calibrate", *options, "--out", "rates.toml", cwd=tmp_path)
     assert (done.code, done.out) == (2, "")
     assert said in " ".join(done.err.split())
     assert not (tmp_path / "rates.toml").exists()

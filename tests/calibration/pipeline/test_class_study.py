@@ -7,8 +7,9 @@ import pytest
 from derived_books import derived
 from grown_paths import path_of
 
-from calibration.pipeline.class_study import run_growth_validation
+from calibration.pipeline.held_out_study import run_growth_validation
 from calibration.pipeline.plan import PlannedRuns, StudyPlan, Tanks
+from calibration.pipeline.study_runs import StudyRuns
 from kinetics.networkfree import grow
 from kinetics.rates import ClassRates
 from kinetics.runs import BY_UNKNOWN, NO_BREAK
@@ -141,8 +142,8 @@ def test_wrong_rates_are_seen(place, calibrated):
         for key, entry in rates.classes.items()
     }
     wrong = rates.replace(classes=slower)
-    specs = plan.specs(plan.held_out)
-    study = run_growth_validation(specs, wrong, place / "runs", groups=59, most_groups=399, progress=False)
+    runs = StudyRuns.planned(plan, "held_out")
+    study = run_growth_validation(runs, wrong, place / "runs", most_groups=399, progress=False)
     (comparison,) = study.comparisons
     assert comparison.groups == 399  # more were asked for
     (joins,) = (row for row in comparison.events if row.kind == "joins")
@@ -159,22 +160,24 @@ def test_growth_by_the_rules_reads_what_was_written(wellmixed_here, place, calib
 
 
 def test_what_is_refused(wellmixed_here, place, calibrated):
-    specs = StudyPlan.load(place / "plan.toml").specs(StudyPlan.load(place / "plan.toml").calibration)
+    seen = StudyRuns.planned(StudyPlan.load(place / "plan.toml"), "calibration")
     rates = ClassRates.load(place / "classes.toml")
     with pytest.raises(ValueError, match="calibrated with seed 5 too"):
-        run_growth_validation(specs, rates, place / "runs")
+        run_growth_validation(seen, rates, place / "runs")
     elsewhere = rates.replace(tank=(3.0, 3.0, 3.0))
-    held_out = [replace(spec, seed=7) for spec in specs]
+    held_out = replace(seen, seed=7)
     with pytest.raises(ValueError, match="calibrate in that one"):
         run_growth_validation(held_out, elsewhere, place / "runs")
     joins = rates.replace(classes={k: v for k, v in rates.classes.items() if k.startswith("join")})
     with pytest.raises(ValueError, match="no rate for class 'break"):
         run_growth_validation(held_out, joins, place / "runs")
     for options, said in (
-        (["--report", "x.html"], "--report shows rates by channel"),
-        (["--by", "channel", "--pool", "line4"], "--pool pools books"),
-        (["--cubes", "9"], "--cubes is fixed by the plan"),
+        (["plan.toml", "--report", "x.html"], "--report is for calibrate channels and events, not for classes"),
+        (["channels", "plan.toml", "--group-by", "event"], "--group-by is for calibrate classes, not for channels"),
+        (["channels", "plan.toml", "line4"], "expected calibrate channels SCENE|PLAN|FOLDER"),
+        (["plan.toml", "--tank", 2, 2, 3], "--tank is for calibrate events"),
+        (["plan.toml", "--cubes", "9"], "--cubes is fixed by the plan"),
     ):
-        failed = wellmixed_here("calibrate", "plan.toml", "--out", "no.toml", *options, cwd=place)
+        failed = wellmixed_here("calibrate", *options, "--out", "no.toml", cwd=place)
         assert failed.code == 2
         assert said in failed.err

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from synthetic_runs import line_network
 
-from calibration.pipeline.calibration_study import CalibrationStudy
+from calibration.estimating.study import CalibrationStudy
 from calibration.pipeline.held_out_study import ValidationStudy, run_validation
-from calibration.pipeline.study_runs import assembly_specs
+from calibration.pipeline.study_runs import StudyRuns, bonds_of
 from kinetics.rates import BreakTerms, Rates
 from kinetics.sampling import sample_path
 from mechsim.scene import Scene
@@ -16,12 +16,12 @@ from mechsim.scene import Scene
 
 def test_runs_start_from_single_cubes_and_the_seed_and_go_on_through_all_events():
     line4 = Scene.load("line4")
-    specs = assembly_specs(line4, [60, 80, 60], 2, 10.0, 2)
+    specs = StudyRuns.assembly(line4, [60, 80, 60], 2, 10.0, 2).specs
     assert [(spec.composition, spec.run) for spec in specs] == [
         *(({"monomer": 60}, 0), ({"monomer": 60}, 1), ({"monomer": 80}, 0), ({"monomer": 80}, 1)),
     ]
     assert {(spec.scene, spec.duration, spec.seed, spec.restart) for spec in specs} == {(line4, 10.0, 2, False)}
-    (spec,) = assembly_specs(Scene.load("pyramid45"), [101], 1, 10.0, 2)
+    (spec,) = StudyRuns.assembly(Scene.load("pyramid45"), [101], 1, 10.0, 2).specs
     assert spec.composition == {"monomer": 100, "seed": 1}
 
 
@@ -31,12 +31,13 @@ def test_runs_start_from_single_cubes_and_the_seed_and_go_on_through_all_events(
 )
 def test_no_runs_or_sizes(sizes, runs, said):
     with pytest.raises(ValueError, match=said):
-        assembly_specs(Scene.load("line4"), sizes, runs, 10.0, 2)
+        StudyRuns.assembly(Scene.load("line4"), sizes, runs, 10.0, 2)
 
 
 def test_one_held_out_run_has_no_interval(tmp_path):
+    alone = StudyRuns.assembly(Scene.load("line4"), [60], 1, 10.0, 2)
     with pytest.raises(ValueError, match="runs = 1; a mean with an interval needs at least 2"):
-        run_validation(Scene.load("line4"), Rates.load("table3"), tmp_path / "runs", runs=1)
+        run_validation(alone, Rates.load("table3"), tmp_path / "runs")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -58,7 +59,7 @@ def test_studies_judge_their_runs_by_the_break_model_and_the_pieces():
         channels={name: {"rate": 1.0, "ways": 1.0} for name in network.channels},
     )
     by_collision = plain.replace(breaks=BreakTerms(model="collision", shape={"alpha": 1.0}))
-    known, unknown = (SimpleNamespace(records=records(network, has_bonds)) for has_bonds in (True, False))
+    known, unknown = (SimpleNamespace(sound=records(network, has_bonds)) for has_bonds in (True, False))
 
     def p_of_breaks(study):
         return [f.p_value for f in study.diagnosis.results if (f.test, f.channel) == ("crowd", "all breaks")]
@@ -67,6 +68,9 @@ def test_studies_judge_their_runs_by_the_break_model_and_the_pieces():
     assert p_of_breaks(held_out) != p_of_breaks(ValidationStudy((), by_collision, known))
     assert any("same pieces" in f.variant for f in held_out.diagnosis.results)
     assert not any("same pieces" in f.variant for f in ValidationStudy((), plain, unknown).diagnosis.results)
-    calibrated = {name: CalibrationStudy(Scene.load("line4"), known, {}, name) for name in ("first-order", "collision")}
+    paths, bonds = [record.path for record in known.sound], bonds_of(known.sound)
+    calibrated = {
+        name: CalibrationStudy("line4", paths, {}, "", "", name, bonds=bonds) for name in ("first-order", "collision")
+    }
     assert p_of_breaks(calibrated["first-order"]) == pytest.approx(p_of_breaks(held_out))
     assert p_of_breaks(calibrated["collision"]) != p_of_breaks(held_out)

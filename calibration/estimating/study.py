@@ -1,0 +1,125 @@
+"""What runs say of rates, ready to be saved and shown: channel by channel, or by rate class over several books."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from calibration.estimating.break_comparison import BreakComparison, rates_with_breaks
+from calibration.estimating.class_calibration import BookRuns, ClassCalibration, calibrate_classes
+from calibration.estimating.class_spread import ClassSpread, class_spreads
+from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
+from calibration.estimating.estimate import Calibration, estimate
+from kinetics.rates import ClassRates, Rates
+from kinetics.runs import JumpPath
+from kinetics.support.arrays import Ints
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationStudy:
+    """Runs of one network, whoever made them, and the rates of its channels that they give.
+
+    name : of the scene, rule book or network file
+    paths : the runs
+    evidence : what a rates file says of them
+    source, made : where the rates come from, and how the runs were made, in words
+    breaks : name of a break model, or `auto` for the one that the runs choose; None: breaks as they were counted
+    within : tu, longest time between the two breaks of one collision; None where the runs do not resolve it
+    bonds : per run (E, 2), the two cubes of each event; None where they are not known
+    problems : runs that were left out, in words
+    """
+
+    name: str
+    paths: Sequence[JumpPath]
+    evidence: dict[str, Any]
+    source: str
+    made: str
+    breaks: str | None = None
+    within: float | None = None
+    bonds: Sequence[Ints] | None = None
+    problems: Sequence[str] = ()
+
+    @cached_property
+    def calibration(self) -> Calibration:
+        """Pooled events and exposures of all channels."""
+        return estimate(self.paths)
+
+    @cached_property
+    def break_models(self) -> BreakComparison | None:
+        """Break models fitted to the runs; None where none was asked for, or nothing breaks."""
+        return None if self.breaks is None else BreakComparison.asked_for(self.breaks, self.paths, self.within)
+
+    @cached_property
+    def diagnosis(self) -> Diagnosis:
+        """Are the runs those of a well-mixed Markov chain, whose bonds break as the chosen model says?"""
+        return diagnose(self.paths, None if self.break_models is None else self.break_models.chosen, self.bonds)
+
+    @cached_property
+    def rates(self) -> Rates:
+        """The estimates with their evidence, ready to be saved; see `Calibration.rates` for what was not measured."""
+        looks = self.diagnosis.looks
+        evidence = {
+            **self.evidence,
+            "doubtful_tests": self.diagnosis.doubtful,
+            **({"coarse_looks": looks.sentence} if looks.channels else {}),
+        }
+        return rates_with_breaks(self.calibration, self.break_models, evidence)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Rates, break models, diagnostics and evidence, ready for JSON."""
+        looks = self.diagnosis.looks
+        return {
+            "channels": self.calibration.table(),
+            "coarse_looks": {"sentence": looks.sentence, "channels": looks.table()} if looks.channels else None,
+            "not_seen": self.calibration.not_seen,
+            "not_measured": self.rates.not_measured,
+            "breaks": None if self.break_models is None else self.break_models.to_dict(),
+            "evidence": self.rates.evidence,
+            "diagnostics": self.diagnosis.to_dict(),
+            "problems": self.problems,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class ClassStudy:
+    """Runs of one or several books and the class rates that they give.
+
+    breaks : name of a break model, or `auto` for the one that the runs choose
+    share : what the classes of one constant have in common, or `auto`
+    """
+
+    books: Sequence[BookRuns]
+    evidence: dict[str, Any]
+    source: str
+    breaks: str = "auto"
+    share: str = "auto"
+    problems: Sequence[str] = ()
+
+    @cached_property
+    def calibration(self) -> ClassCalibration:
+        """Pooled over all books."""
+        return calibrate_classes(self.books, self.breaks, self.share)
+
+    @cached_property
+    def spreads(self) -> tuple[ClassSpread, ...]:
+        """Of each constant, whether it serves all that is pooled in it."""
+        return class_spreads(self.books, self.calibration)
+
+    @cached_property
+    def rates(self) -> ClassRates:
+        """The class rates with their evidence, ready to be saved."""
+        return self.calibration.rates(self.evidence)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Rates, the fits that were compared, spreads and evidence, ready for JSON."""
+        return {
+            "classes": self.calibration.table(),
+            "not_measured": self.calibration.not_measured,
+            "fits": self.calibration.fits_table(),
+            "spreads": [spread.to_dict() for spread in self.spreads],
+            "breaks": {"model": self.rates.breaks.model, "shape": self.rates.breaks.shape},
+            "evidence": self.rates.evidence,
+            "problems": self.problems,
+        }
