@@ -129,10 +129,8 @@ def scan(
             within=within,
             runs=runs,
             seed=seed,
-            workers=workers,
-            scheduler=scheduler,
+            workers=workers if scheduler is None else scheduler,
             folder=folder,
-            tell=lambda text: click.echo(text, err=True),
             progress=progress,
         )
     for csv_file in csv_files:
