@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -155,19 +155,11 @@ def run_validation(
         if len(records) < 2:
             raise ValueError(f"fewer than two of the runs with {label} reached their end: nothing to compare")
         stage(f"comparing the runs with {label} with their prediction")
-        comparisons.append(
-            crossvalidate(
-                derivation.network,
-                rates,
-                [record.path for record in records],
-                np.linspace(0.0, alike[0].duration, POINTS),
-                target=target,
-                label=label,
-                seed=runs.seed,
-                mechanics_cpu=sum(record.cost["cpu_seconds"] for record in records),
-                number=number,
-            )
-        )
+        grid = np.linspace(0.0, alike[0].duration, POINTS)
+        paths = [record.path for record in records]
+        found = crossvalidate(rates, paths, grid, target, seed=runs.seed, number=number)
+        cpu = float(sum(record.cost["cpu_seconds"] for record in records))
+        comparisons.append(replace(found, label=label, mechanics_cpu=cpu))
     return ValidationStudy(tuple(comparisons), rates, outcome)
 
 
