@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.shared import given_options, leave, refuse_what_a_plan_fixes, report_option, seed_option
+from calibration.commands.shared import (
+    given_options,
+    leave,
+    out_option,
+    refuse_what_a_plan_fixes,
+    report_option,
+    seed_option,
+    sizes_option,
+    time_option,
+)
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.options import HEADING, NumbersCommand, echo_json, heading, in_a_folder, json_option
+from kinetics.support.cli.declared import count_option, default_option
+from kinetics.support.cli.options import HEADING, NumbersCommand, echo_json, heading, json_option
 from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, or_study_folder
 from mechsim.commands.options import run_options
 
@@ -47,35 +56,15 @@ def _words(ctx: click.Context, param: click.Parameter, words: tuple[str, ...]) -
     callback=_words,
     is_eager=True,
 )
-@click.option(
-    "--out",
-    required=True,
-    metavar="FILE",
-    type=click.Path(dir_okay=False),
-    callback=in_a_folder,
-    help="The rates file to write (TOML).",
-)
-@click.option(
+@out_option("The rates file to write (TOML).")
+@sizes_option(
     "--cubes",
-    type=click.IntRange(min=1),
-    multiple=True,
-    default=(60,),
-    show_default=True,
-    metavar="N ...",
-    help="Numbers of cubes of the runs. Of events one number: it is checked, and without counts at the start all are "
+    "Numbers of cubes of the runs. Of events one number: it is checked, and without counts at the start all cubes are "
     "single.",
+    default=(60,),
 )
-@click.option(
-    "--runs",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=20,
-    show_default=True,
-    help="Number of calibration runs at each number of cubes.",
-)
-@click.option(
-    "--duration", metavar="T", type=float, default=1000.0, show_default=True, help="Simulated time of a run, tu."
-)
+@count_option("--runs", default=20, help="Number of calibration runs at each number of cubes.")
+@time_option("--duration", 1000.0, "Simulated time of a run, tu.")
 @click.option(
     "--break-model",
     "breaks",
@@ -84,11 +73,10 @@ def _words(ctx: click.Context, param: click.Parameter, words: tuple[str, ...]) -
     "runs choose. Of events only where it is given.  [default: the plan's, or auto]",
 )
 @heading("For rates by class")
-@click.option(
+@default_option(
     "--group-by",
     type=click.Choice(["auto", "event", "touched", "faces", "sizes"]),
     default="auto",
-    show_default=True,
     help="What the classes of one constant have in common. It is the event alone, also the "
     "number of cubes that a place touches, also the faces, or also the sizes; auto lets the runs choose, of joins and "
     "of breaks.",
@@ -137,9 +125,6 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
     from calibration.estimating.study import CalibrationStudy, ClassStudy
     from kinetics.rates.breaks import break_model
 
-    target = Path(out)
-    if target.suffix != ".toml":
-        raise ValueError(f"--out {out}: expected a name that ends in .toml")
     if how["breaks"] not in (None, "auto"):
         break_model(how["breaks"])
     mode, *sources = words
@@ -155,7 +140,7 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
         if (found := of_runs(mode, parts, how, as_json)) is None:
             return
         study = found
-    study.rates.save(target)
+    study.rates.save(out)
     if report and isinstance(study, CalibrationStudy):
         from calibration.reporting.overview import calibration_report
 

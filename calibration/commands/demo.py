@@ -9,6 +9,7 @@ import click
 
 from calibration.commands.shared import leave, seed_option
 from calibration.commands.tables import comparison_table, rates_table
+from kinetics.support.cli.declared import default_option
 from kinetics.support.cli.failures import keep_runs
 from kinetics.support.cli.options import echo_json, json_option
 from mechsim.commands.options import executor_options, progress_option
@@ -18,20 +19,18 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.option(
+@default_option(
     "--folder",
     default="demo-output",
-    show_default=True,
     metavar="FOLDER",
     type=click.Path(file_okay=False),
     help="Folder to which the results are written.",
 )
-@click.option(
+@default_option(
     "--scale",
     metavar="FACTOR",
     type=float,
     default=1.0,
-    show_default=True,
     help="Factor by which all simulated times are multiplied; 2 takes twice as long.",
 )
 @executor_options

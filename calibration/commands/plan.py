@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.shared import seed_option
+from calibration.commands.shared import Decorator, out_option, seed_option, sizes_option, time_option
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option, plot_option
+from kinetics.support.cli.declared import POSITIVE, default_option
+from kinetics.support.cli.options import NumbersCommand, echo_json, json_option, plot_option
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.cli.study_folder import PLAN, RUNS, SCENE, or_study_folder
 from mechsim.commands.options import executor_options, progress_option, runs_option
@@ -36,68 +37,38 @@ class Percentage(click.ParamType):
         return share
 
 
+def share_option(name: str, default: str, text: str) -> Decorator:
+    """An option that takes a share."""
+    return default_option(name, metavar="PERCENT", type=Percentage(), default=default, help=text)
+
+
+ASKED = (
+    share_option("--width", "10%", "Half-width of the 95 % interval of every join's rate and of all breaks together."),
+    share_option("--shift", "20%", "Held-out runs are to show joins, or breaks, whose rates are off by this share."),
+    share_option("--power", "90%", "Probability with which they are to show it, at level 1 %."),
+    click.option(
+        "--cpu-hours",
+        metavar="H",
+        type=POSITIVE,
+        help="CPU time for all runs of the plan, hours.  [default: as much as it takes]",
+    ),
+    default_option(
+        "--along",
+        type=click.FloatRange(min=0),
+        multiple=True,
+        default=(0.0, 50.0, 200.0, 800.0, 2000.0),
+        metavar="T ...",
+        help="Times on the predicted path at which tanks may be taken, tu.",
+    ),
+    time_option("--duration", 500.0, "Length of a calibration run, tu."),
+    time_option("--held-out-duration", 2000.0, "Length of a held-out run, tu."),
+)
+
+
 def asked_of_a_plan(command: Callable[..., None]) -> Any:
     """The options that say what a plan is to reach, for the commands that make one."""
     decorated: Any = command
-    for option in reversed(
-        (
-            click.option(
-                "--width",
-                metavar="PERCENT",
-                type=Percentage(),
-                default="10%",
-                show_default=True,
-                help="Half-width of the 95 % interval of every join's rate and of all breaks together.",
-            ),
-            click.option(
-                "--shift",
-                metavar="PERCENT",
-                type=Percentage(),
-                default="20%",
-                show_default=True,
-                help="Held-out runs are to show joins, or breaks, whose rates are off by this share.",
-            ),
-            click.option(
-                "--power",
-                metavar="PERCENT",
-                type=Percentage(),
-                default="90%",
-                show_default=True,
-                help="Probability with which they are to show it, at level 1 %.",
-            ),
-            click.option(
-                "--cpu-hours",
-                metavar="H",
-                type=click.FloatRange(min=0, min_open=True),
-                help="CPU time for all runs of the plan, hours.  [default: as much as it takes]",
-            ),
-            click.option(
-                "--along",
-                type=click.FloatRange(min=0),
-                multiple=True,
-                default=(0.0, 50.0, 200.0, 800.0, 2000.0),
-                show_default=True,
-                metavar="T ...",
-                help="Times on the predicted path at which tanks may be taken, tu.",
-            ),
-            click.option(
-                "--duration",
-                metavar="T",
-                type=float,
-                default=500.0,
-                show_default=True,
-                help="Length of a calibration run, tu.",
-            ),
-            click.option(
-                "--held-out-duration",
-                metavar="T",
-                type=float,
-                default=2000.0,
-                show_default=True,
-                help="Length of a held-out run, tu.",
-            ),
-        )
-    ):
+    for option in reversed(ASKED):
         decorated = option(decorated)
     return decorated
 
@@ -109,14 +80,7 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
     shell_complete=shipped("scene"),
     **or_study_folder(SCENE, {"runs_folder": RUNS, "out": PLAN}),
 )
-@click.option(
-    "--out",
-    required=True,
-    metavar="FILE",
-    type=click.Path(dir_okay=False),
-    callback=in_a_folder,
-    help="The plan to write (TOML), which calibrate and validate then carry out.",
-)
+@out_option("The plan to write (TOML), which calibrate and validate then carry out.")
 @asked_of_a_plan
 @click.option(
     "--rates",
@@ -125,36 +89,13 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
     shell_complete=shipped("rates"),
     help="Pilot rates, by which the path is predicted.  [default: from short pilot runs of the mechanics]",
 )
-@click.option(
-    "--cubes",
-    type=click.IntRange(min=1),
-    multiple=True,
-    default=(60, 120),
-    show_default=True,
-    metavar="N ...",
-    help="Numbers of cubes of the calibration.",
-)
+@sizes_option("--cubes", "Numbers of cubes of the calibration.", default=(60, 120))
 @click.option("--each-break", is_flag=True, help="Reach the width for each break, not only for all of them together.")
-@click.option(
-    "--held-out",
-    type=click.IntRange(min=1),
-    multiple=True,
-    default=(40, 80, 160),
-    show_default=True,
-    metavar="N ...",
-    help="Numbers of cubes of the held-out runs.",
-)
+@sizes_option("--held-out", "Numbers of cubes of the held-out runs.", default=(40, 80, 160))
 @click.option(
     "--tank", metavar="X Y Z", type=float, nargs=3, help="Lengths of the tank of all runs.  [default: the scene's]"
 )
-@click.option(
-    "--pilot-time",
-    metavar="T",
-    type=float,
-    default=500.0,
-    show_default=True,
-    help="Length of a pilot run, tu; there are four at each number of cubes.",
-)
+@time_option("--pilot-time", 500.0, "Length of a pilot run, tu; there are four at each number of cubes.")
 @click.option("--strict", is_flag=True, help="Leave with exit code 2 where the plan falls short of what is asked for.")
 @plot_option
 @runs_option
@@ -192,10 +133,7 @@ def plan(
     from kinetics.support.plots import save
     from mechsim.scene import Scene
 
-    target = Path(out)
-    if target.suffix != ".toml":
-        raise ValueError(f"--out {out}: expected a name that ends in .toml")
-    request = PlanRequest(name=target.stem, scene=scene, seed=seed, **wanted)
+    request = PlanRequest(name=Path(out).stem, scene=scene, seed=seed, **wanted)
     costs = RunCosts(runs_folder)
     if rates_name is not None:
         rates = Rates.load(rates_name)
@@ -205,7 +143,7 @@ def plan(
         rates = pilot.rates(runs_folder, workers=workers, progress=progress)
     with progress_line(progress):
         planned = make_plan(request, rates, costs)
-    planned.plan.save(target)
+    planned.plan.save(out)
     for plot_file in plot_files:
         save(plot_file, planned.plot, size=(7.5, 4.5))
     if as_json:

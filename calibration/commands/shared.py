@@ -2,25 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import click
 from click.core import ParameterSource
 
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.failures import STOPPED
-from kinetics.support.cli.options import table_of
+from kinetics.support.cli.options import in_a_folder, table_of
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
-def seed_option(default: int) -> Any:
+def seed_option(default: int) -> Decorator:
     """--seed, with the command's own default."""
+    return count_option("--seed", least=0, default=default, help="Random seed; the same seed gives the same result.")
+
+
+def sizes_option(name: str, text: str, **default: Any) -> Decorator:
+    """An option that takes several numbers of cubes."""
+    return count_option(name, multiple=True, metavar="N ...", help=text, **default)
+
+
+def time_option(name: str, default: float, text: str) -> Decorator:
+    """An option that takes a time."""
+    return default_option(name, metavar="T", type=float, default=default, help=text)
+
+
+def out_option(text: str) -> Decorator:
+    """--out, a TOML file to be written."""
+
+    def checked(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+        if value is not None and Path(value).suffix != ".toml":
+            raise ValueError(f"--out {value}: expected a name that ends in .toml")
+        return in_a_folder(ctx, param, value)
+
     return click.option(
-        "--seed",
-        metavar="N",
-        type=click.IntRange(min=0),
-        default=default,
-        show_default=True,
-        help="Random seed; the same seed gives the same result.",
+        "--out", required=True, metavar="FILE", type=click.Path(dir_okay=False), callback=checked, help=text
     )
 
 

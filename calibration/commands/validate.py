@@ -6,8 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.shared import leave, refuse_what_a_plan_fixes, report_option, seed_option
+from calibration.commands.shared import (
+    leave,
+    refuse_what_a_plan_fixes,
+    report_option,
+    seed_option,
+    sizes_option,
+    time_option,
+)
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.options import NumbersCommand, echo_json, json_option, picture_of, table_of
 from kinetics.support.cli.study_folder import PLAN, RUNS, is_filled, or_study_folder, rates_of
 from kinetics.support.output import write_whole
@@ -32,26 +40,9 @@ if TYPE_CHECKING:
     shell_complete=shipped("rates"),
     help="Rate constants: a shipped table such as table3, or a .toml file, by channel or by class.",
 )
-@click.option(
-    "--cubes",
-    type=click.IntRange(min=1),
-    multiple=True,
-    default=(60, 80, 120),
-    show_default=True,
-    metavar="N ...",
-    help="Numbers of cubes to validate at.",
-)
-@click.option(
-    "--runs",
-    metavar="N",
-    type=click.IntRange(min=2),
-    default=10,
-    show_default=True,
-    help="Number of held-out runs at each number of cubes.",
-)
-@click.option(
-    "--duration", metavar="T", type=float, default=2000.0, show_default=True, help="Simulated time of a run, tu."
-)
+@sizes_option("--cubes", "Numbers of cubes to validate at.", default=(60, 80, 120))
+@count_option("--runs", least=2, default=10, help="Number of held-out runs at each number of cubes.")
+@time_option("--duration", 2000.0, "Simulated time of a run, tu.")
 @click.option(
     "--control",
     "control_name",
@@ -66,10 +57,9 @@ if TYPE_CHECKING:
     callback=table_of("pandas"),
     help="Write the events seen and expected to this CSV file; for rates by class the curves; may be repeated.",
 )
-@click.option(
+@count_option(
     "--groups",
-    metavar="N",
-    type=click.IntRange(min=40),
+    least=40,
     help="For rates by class: number of predicted groups that decide where a p-value is small. The report says which "
     "checks so few cannot fail.  [default: 1999]",
 )

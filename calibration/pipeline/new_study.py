@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from calibration.pipeline.growth_planner import SPARE, make_growth_plan
-from calibration.pipeline.planned import Planned, PlanRequest
+from calibration.pipeline.planned import PlannedStudy, PlanRequest
 from calibration.pipeline.planner import make_plan
 from calibration.pipeline.run_costs import RunCosts
 from kinetics.assembly import Derivation, Structure, derive
@@ -44,7 +44,7 @@ class NewStudy:
     folder: Path
     compiled: Compiled
     scene: Scene
-    planned: Planned
+    planned: PlannedStudy
 
 
 def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, **wanted: Any) -> NewStudy:

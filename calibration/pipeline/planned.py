@@ -1,17 +1,27 @@
-"""What a plan is to reach; and of any plan what it will show, at which cost, and what it does not reach."""
+"""What a plan is to reach; and of a plan what it will show, at which cost, and what it does not reach."""
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from calibration.pipeline.plan import PlannedRuns, StudyPlan, Tanks, VerdictRules
+from calibration.planning.allocation import half_width
+from calibration.planning.candidates import Candidate
 from calibration.planning.held_out import MOST_RUNS, widest_sd
 from calibration.validating.power import GroupPower
+from kinetics.support.arrays import Floats, Ints
+from kinetics.support.shown import on_axes
+from kinetics.support.tables import figure, text_table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
@@ -83,36 +93,138 @@ class HeldOutTest:
         }
 
 
-class Planned(ABC):
+@dataclass(frozen=True, eq=False)
+class PlannedStudy:
     """A plan, and what it will show at which cost.
 
+    happening : names of what a tank's events count; wanted : each rate to be measured, as the part of them that it has
+    tanks, runs, costs : candidate tanks, runs of each (K,), and CPU seconds of a run of each (K,)
+    starts : number of cubes -> what a held-out tank holds at time 0
+    purpose : the plan's, with a place for its width
     wanted_seconds : CPU time of calibration runs that reach the width asked for
     tests : of the held-out runs; held_out_runs, held_out_costs : by number of cubes, CPU seconds of a run
     """
 
     request: PlanRequest
+    happening: tuple[str, ...]
+    wanted: Mapping[str, NDArray[np.bool_]]
+    tanks: tuple[Candidate, ...]
+    runs: Ints
+    costs: Floats
+    starts: Mapping[int, dict[str, int]]
+    purpose: str
     wanted_seconds: float
     tests: tuple[HeldOutTest, ...]
     held_out_runs: dict[int, int]
     held_out_costs: dict[int, float]
+    verdict: VerdictRules
+
+    @cached_property
+    def events(self) -> dict[str, float]:
+        """Events expected in the calibration of each thing to be measured."""
+        total = self.runs @ np.array([tank.events for tank in self.tanks])
+        return {name: float(total[members].sum()) for name, members in self.wanted.items()}
 
     @property
-    @abstractmethod
     def width(self) -> float:
         """The largest half-width expected."""
+        return float(max(half_width(list(self.events.values()))))
 
     @property
-    @abstractmethod
     def calibration_seconds(self) -> float:
         """CPU seconds of all calibration runs."""
+        return float(self.runs @ self.costs)
 
-    @abstractmethod
+    @cached_property
+    def plan(self) -> StudyPlan:
+        """The plan itself."""
+        request = self.request
+        calibrating = [
+            (tank.composition, int(runs), request.duration, tank.along)
+            for tank, runs in zip(self.tanks, self.runs, strict=True)
+            if runs
+        ]
+        held_out = [(self.starts[n], runs, request.held_out_duration, None) for n, runs in self.held_out_runs.items()]
+        parts = [
+            PlannedRuns(
+                seed=seed,
+                tanks=tuple(
+                    Tanks(composition=start, tank=request.tank, runs=runs, duration=duration, along=along)
+                    for start, runs, duration, along in rows
+                ),
+            )
+            for seed, rows in ((request.seed, calibrating), (request.seed + 1, held_out))
+        ]
+        return StudyPlan(
+            name=request.name,
+            purpose=self.purpose.format(width=f"{self.width:.1%}"),
+            scene=request.scene,
+            calibration=parts[0],
+            held_out=parts[1],
+            verdict=self.verdict,
+        )
+
     def tank_rows(self) -> list[dict[str, Any]]:
-        """One row a tank of the calibration."""
+        """One row a tank of the plan: composition, runs, CPU seconds, and events expected in all of its runs."""
+        return [
+            {
+                "composition": tank.composition,
+                "along": tank.along,
+                "runs": int(runs),
+                "cpu_seconds": float(runs * cost),
+                "events": dict(zip(self.happening, (runs * tank.events).tolist(), strict=True)),
+            }
+            for tank, runs, cost in zip(self.tanks, self.runs, self.costs, strict=True)
+            if runs
+        ]
 
-    @abstractmethod
+    @on_axes
+    def plot(self, ax: Axes) -> Axes:
+        """Shares of the tanks in the events of each channel, and in the CPU time; returns `ax`."""
+        from calibration import plots
+
+        rows = self.tank_rows()
+        shares = {name: [row["events"][name] for row in rows] for name in self.happening}
+        labels = [f"{row['runs']} x {_contents(row)}" for row in rows]
+        return plots.planned_shares(ax, labels, shares | {"CPU minutes": [row["cpu_seconds"] / 60 for row in rows]})
+
     def tables(self) -> str:
-        """The plan for people."""
+        """The plan in three tables, for people."""
+        found = self.to_dict()
+        tanks = text_table(
+            ("tank", "at (tu)", "runs", *self.happening, "CPU (min)"),
+            [
+                (
+                    _contents(row),
+                    "-" if row["along"] is None else f"{row['along']:g}",
+                    str(row["runs"]),
+                    *(f"{row['events'][name]:.0f}" for name in self.happening),
+                    f"{row['cpu_seconds'] / 60:.1f}",
+                )
+                for row in found["tanks"]
+            ],
+        )
+        rates = text_table(
+            ("rate", "events", "half-width"),
+            [(row["rate"], f"{row['events']:.0f}", figure(row["half_width"], ".1%")) for row in found["rates"]],
+        )
+        tests = text_table(
+            ("cubes", "rates", "events of a run", "from the calibration", "runs needed", "runs", "power", "at most"),
+            [
+                (
+                    str(row["cubes"]),
+                    row["group"],
+                    f"{row['events_of_a_run']:.1f}",
+                    f"± {row['relative_sd_from_calibration']:.1%}",
+                    "-" if row["runs_needed"] is None else str(row["runs_needed"]),
+                    str(row["runs"]),
+                    f"{row['power']:.0%}",
+                    f"{row['largest_power']:.0%}",
+                )
+                for row in found["held_out"]
+            ],
+        )
+        return f"calibration, events expected\n{tanks}\n\n{rates}\n\nheld-out runs\n{tests}\n\n{self.cost}"
 
     @property
     def held_out_seconds(self) -> float:
@@ -149,6 +261,9 @@ class Planned(ABC):
             "held_out_cpu_seconds": self.held_out_seconds,
             "wanted_calibration_cpu_seconds": self.wanted_seconds,
             "shortfalls": self.shortfalls,
+            "rates": [
+                {"rate": name, "events": n, "half_width": float(half_width(n))} for name, n in self.events.items()
+            ],
         }
 
 
@@ -180,3 +295,8 @@ def _held_out_shortfalls(
 def spent(runs: dict[int, int], costs: dict[int, float]) -> float:
     """CPU seconds of runs by number of cubes."""
     return sum(n * costs[cubes] for cubes, n in runs.items())
+
+
+def _contents(row: Mapping[str, Any]) -> str:
+    """What a tank holds, in words."""
+    return " ".join(f"{n} {name}" for name, n in row["composition"].items())

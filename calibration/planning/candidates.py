@@ -20,12 +20,12 @@ class Candidate:
     """Tanks alike.
 
     composition : species -> copies at time 0
-    along : time on the predicted path at which the composition is expected, tu
-    events : (R,) expected in a run, by channel of the rule book
+    along : time on the predicted path at which the composition is expected, tu; None for growth from its beginning
+    events : (R,) expected in a run, by channel of the rule book; of growth, all joins
     """
 
     composition: dict[str, int]
-    along: float
+    along: float | None
     events: Floats
 
 

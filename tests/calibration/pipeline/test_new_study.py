@@ -89,11 +89,12 @@ def test_a_target_that_grows_from_a_seed_is_studied_by_class(tmp_path):
     assert held.composition == {"monomer": 10, "seed": 2}  # cubes for twice as many targets
     assert made["calibration_cpu_seconds"] + made["held_out_cpu_seconds"] <= 0.001 * 3600
     assert "reaches a half-width of" in made["shortfalls"][0]
+    assert [row["rate"] for row in made["rates"]] == ["joins"]
     assert "rates written" in run("calibrate", folder)
     assert set(ClassRates.load(folder / "rates.toml").classes) == {"join", "join touching 1"}
     begun = json.loads(run("predict", folder, "--runs", "5", "--duration", "20", "--json"))
     assert (begun["initial"]["monomer"], begun["initial"]["seed"]) == (10, 2)
-    with pytest.raises(ValueError, match="do not pay for a run of growth"):
+    with pytest.raises(ValueError, match="do not pay for a run that shows each rate"):
         new_study(str(folder / "target.toml"), tmp_path / "poor", cpu_hours=1e-9, cubes=(12,), held_out=(12,))
 
 
