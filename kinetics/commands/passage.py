@@ -26,6 +26,7 @@ from kinetics.support.cli.options import (
     plot_option,
     seed_option,
     truncate_option,
+    write_plots,
 )
 from kinetics.support.cli.progress import progress_line, stage
 from kinetics.support.tables import figure, in_unit, of_unit, text_table
@@ -136,10 +137,7 @@ def passage(
         if with_sensitivity:
             progress("sensitivities")
             slopes = _sensitivities(replace(model, network=network), counted, copies, found)
-    for plot_file in plot_files:
-        from kinetics.support import plots
-
-        plots.save(plot_file, found.plot)
+    write_plots(plot_files, found.plot)
     if as_json:
         curve = np.linspace(0.0, float(found.quantile(0.99 * found.probability)), 101)
         is_whole = found.earliest is None
@@ -270,10 +268,7 @@ def _sample(
                 f"{until} has not held in run {told.run} by {in_unit(f'{told.time:.4g}', unit)}, where it was "
                 f"truncated: {told.cause}; give a --horizon, at which runs end"
             ) from error
-    for plot_file in plot_files:
-        from kinetics.support import plots
-
-        plots.save(plot_file, found.plot)
+    write_plots(plot_files, found.plot)
     quantiles = {q: found.answer(q) for q in QUANTILES}
     if as_json:
         echo_json(
