@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.runs.truncation import Truncation
-from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
+from kinetics.support.arrays import Floats, Ints, read_only, rising_times
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
 from kinetics.support.intervals import binomial_limits
@@ -406,11 +406,3 @@ def kept_pairs(n_species: int, covariances: bool | None = None) -> NDArray[np.in
     if n_species <= MOST_COVARIED if covariances is None else covariances:
         return np.array(np.triu_indices(n_species))
     return np.tile(np.arange(n_species), (2, 1))
-
-
-def statistics_of(network: Network, times: ArrayLike, counts: ArrayLike) -> EnsembleStatistics:
-    """Statistics of counts (runs, T, S) at `times` (T,), tu, from anywhere: the mechanics, say."""
-    tally = Tally(network, times, kept_pairs(len(network.species)))
-    given = integers("counts", counts, (None, tally.times.size, len(network.species)), minimum=0)
-    tally.add(given)
-    return tally.statistics(len(given))
