@@ -36,7 +36,7 @@ class LeapModel(NamedTuple):
     """What does not change during a run.
 
     open_events : how many a leap is to have; fewest : events of a leap, below which single ones are drawn
-    merged, changes, members : for `direct.advance` and `members.name_events`
+    merged, changes, members : for `direct.advance` and `members.attribute_channels`
     """
 
     laws: LeapLaws

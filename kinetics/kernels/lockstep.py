@@ -126,7 +126,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
     active, steps = work.notes[ACTIVE], work.notes[STEPS]
     last = steps + most
     if stop is not None:
-        is_watched, table = stop.is_watched, stop.table
+        affects_stop, table = stop.affects_stop, stop.table
     if work.notes[RUNS] == 0:
         active = min(LANES, runs)
         for lane in range(active):
@@ -246,7 +246,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
 
         if stop is not None:
             for lane in range(lanes):
-                if run[lane] < 0 or not is_watched[chosen[lane]] or not holds(stop, table, counts[:, lane]):
+                if run[lane] < 0 or not affects_stop[chosen[lane]] or not holds(stop, table, counts[:, lane]):
                     continue
                 reached[run[lane]] = t[lane]
                 for k in range(seen[lane], n_times):

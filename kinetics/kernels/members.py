@@ -49,7 +49,7 @@ def member_at(members, chosen, counts, stream):
 
 
 @compiled
-def name_events(members, changes, counts, chosen, stream):
+def attribute_channels(members, changes, counts, chosen, stream):
     """Put the network's channels in the place of the model's.
 
     changes (G, S) : see `direct.advance`

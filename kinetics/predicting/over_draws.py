@@ -12,7 +12,7 @@ import numpy as np
 from kinetics.predicting.job import Job
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
-from kinetics.sampling import SamplingMethod, simulate_draws
+from kinetics.sampling import SamplingMethod, simulate_posterior
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.outlook import Outlook
 from kinetics.sampling.streamed import unbroken
@@ -139,7 +139,7 @@ def _batches(
         # Streams of their own: spawned, so that they share nothing with the runs of the same seed.
         sequence = np.random.SeedSequence(whole_number("seed", job.seed, 0), spawn_key=(1, number))
         table = posterior.draw(np.random.default_rng(sequence), min(block, n_draws - begin))
-        made = simulate_draws(
+        made = simulate_posterior(
             posterior.expected, posterior.constants(table), job.model.initial, watch.grid, RUNS_PER_DRAW, job.seed,
             method=method,
             first_run=begin * RUNS_PER_DRAW,

@@ -29,7 +29,7 @@ class SamplingMethod(ABC):
     To add one:
     1. Write its class in a file of its own, with a `name` for the command line and for tables.
     2. Say what it takes, by the traits below; the base refuses what it does not. What no trait says, `refusal` says.
-    3. Give `prepared`: a `Sampler` of a network, by a kernel (see `StepwiseSampler`) or in plain Python.
+    3. Give `prepared`: a `Sampler` of a network, by a kernel (see `BufferedSampler`) or in plain Python.
     4. Give `cost` and `start_cost` if `auto` may choose it.
     5. Import it in `kinetics.sampling.exact_methods`. Command line, `auto`, hard cases and contract tests read the
        tuple made there.

@@ -84,7 +84,7 @@ class RecomputingSampler:
         self.merging = Merging.of(network)
         self.constants: Floats | None = None
         self.model = self.merging.model()
-        self.changes = network.stoichiometry[self.merging.leaders]
+        self.changes = network.stoichiometry[self.merging.representatives]
 
     def with_constants(self, constants: Floats) -> RecomputingSampler:
         """The same for other rate constants (R,), where those of this one are 1."""
@@ -98,7 +98,7 @@ class RecomputingSampler:
     ) -> None:
         """Fill `out` (runs, T, S) as far as the watch needs it."""
         work = ensemble_work(initial.size)
-        stopping = watch.stop_of(first_run, len(out), self.merging.leaders)
+        stopping = watch.stop_of(first_run, len(out), self.merging.representatives)
 
         def go_on(limits: Ints, most: int) -> int:
             return twins.direct(
@@ -116,7 +116,7 @@ class RecomputingSampler:
         members.start_naming(key, run, naming)
         counts, state, clock = np.append(initial, 1), np.append(initial, 1), np.zeros(3)
         named = self.merging.named(self.constants)
-        stop, reached = watch.stop_of(run, 1, self.merging.leaders)
+        stop, reached = watch.stop_of(run, 1, self.merging.representatives)
         pieces = []
         made, look = 0, watch.first_look
         while True:
@@ -125,7 +125,7 @@ class RecomputingSampler:
             outcome, n_events = twins.events(
                 self.model, self.changes, counts, clock, end, stream, times, channels, stop
             )
-            members.name_events(named, self.changes, state, channels[:n_events], naming)
+            members.attribute_channels(named, self.changes, state, channels[:n_events], naming)
             pieces.append((times[:n_events], channels[:n_events]))
             made += n_events
             watch.hear()

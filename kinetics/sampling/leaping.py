@@ -95,7 +95,7 @@ class LeapingSampler:
             OPEN_EVENTS,
             MARGIN * leap_cost(size) / recomputing_cost(size) if fewest is None else float(fewest),
             merging.model(),
-            network.stoichiometry[merging.leaders],
+            network.stoichiometry[merging.representatives],
             merging.named(),
         )
 

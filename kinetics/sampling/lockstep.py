@@ -77,7 +77,7 @@ class LockstepSampler:
         else:
             self.merging = Merging.of(network, np.arange(len(network.channels)))
         self.model = self.merging.model()
-        self.changes = network.stoichiometry[self.merging.leaders]
+        self.changes = network.stoichiometry[self.merging.representatives]
         self.path = self.one_by_one.path
 
     def with_constants(self, constants: Floats, one_by_one: Sampler) -> LockstepSampler:
@@ -97,7 +97,7 @@ class LockstepSampler:
             self.one_by_one.ensemble(initial, grid, key, first_run, out, watch)
             return
         lanes, is_odd = Lanes(self.model, self.changes), np.zeros(len(out), dtype=bool)
-        here, stopping = lanes.arrays, watch.stop_of(first_run, len(out), self.merging.leaders)
+        here, stopping = lanes.arrays, watch.stop_of(first_run, len(out), self.merging.representatives)
         n_active, first_look = 1, watch.first_look
         while n_active:
             until = here["looks"][: here["notes"][0]].min(initial=here["notes"][2] + first_look)

@@ -44,7 +44,7 @@ class MergedChannels(NamedTuple):
     terms: np.ndarray
 
 
-def leaders(network: Network) -> Ints:
+def representatives(network: Network) -> Ints:
     """(R,) the first of the channels that each channel can be merged with; itself where there is none before.
 
     They change the counts alike, and are of mass action in at most two reactants, one of them a species that is used
@@ -52,18 +52,18 @@ def leaders(network: Network) -> Ints:
     """
     if len(network.channels) > MOST_CHANNELS:
         return np.arange(len(network.channels))
-    if network not in _LEADERS:
-        _LEADERS[network] = read_only(_found_leaders(network))
-    return _LEADERS[network]
+    if network not in _REPRESENTATIVES:
+        _REPRESENTATIVES[network] = read_only(_found_representatives(network))
+    return _REPRESENTATIVES[network]
 
 
-_LEADERS: WeakKeyDictionary[Network, Ints] = WeakKeyDictionary()
+_REPRESENTATIVES: WeakKeyDictionary[Network, Ints] = WeakKeyDictionary()
 
 
-def _found_leaders(network: Network) -> Ints:
+def _found_representatives(network: Network) -> Ints:
     needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels = len(network.channels)
-    leader = np.arange(n_channels)
+    representative = np.arange(n_channels)
     can = (np.bincount(needed.rows, needed.copies, n_channels) <= 2) & (_used_up(network) >= 0)
     can &= np.array([name not in network.laws for name in network.channels], dtype=bool)
     if network.combinations == "product":
@@ -71,8 +71,8 @@ def _found_leaders(network: Network) -> Ints:
     seen: dict[tuple[bytes, bytes], int] = {}
     for r in np.flatnonzero(can).tolist():
         columns, copies = change.row(r)
-        leader[r] = seen.setdefault((columns.tobytes(), copies.tobytes()), r)
-    return leader
+        representative[r] = seen.setdefault((columns.tobytes(), copies.tobytes()), r)
+    return representative
 
 
 def _used_up(network: Network) -> Ints:
@@ -100,16 +100,16 @@ class Merging:
     n_species: int
 
     @classmethod
-    def of(cls, network: Network, leader: Ints | None = None) -> Merging:
-        """Channels merged with their `leader` (R,), by default wherever it can be."""
-        leader = leaders(network) if leader is None else leader
-        members = np.argsort(leader, kind="stable")
-        spans = np.append(np.flatnonzero(np.diff(leader[members], prepend=-1)), members.size)
+    def of(cls, network: Network, representative: Ints | None = None) -> Merging:
+        """Channels merged with their `representative` (R,), by default wherever it can be."""
+        representative = representatives(network) if representative is None else representative
+        members = np.argsort(representative, kind="stable")
+        spans = np.append(np.flatnonzero(np.diff(representative[members], prepend=-1)), members.size)
         laws = MassAction(*(part[members] for part in mass_action(network)))
         return cls(laws, _used_up(network)[members], members, spans, len(network.species))
 
     @property
-    def leaders(self) -> Ints:
+    def representatives(self) -> Ints:
         """(G,) the first of the network's channels that each channel stands for."""
         return self.members[self.spans[:-1]]
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.sampling.base import SamplingMethod
+from kinetics.sampling.buffered import BufferedSampler
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.mass_action import MassAction, mass_action
-from kinetics.sampling.stepwise import StepwiseSampler
 from kinetics.support.arrays import Ints
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class CompositionRejection(SamplingMethod):
             f"use 'auto'"
         )
 
-    def prepared(self, network: Network) -> StepwiseSampler:
+    def prepared(self, network: Network) -> BufferedSampler:
         """The network made ready for `kernels.rejection`."""
         from kinetics.kernels import rejection
 
@@ -91,7 +91,7 @@ class CompositionRejection(SamplingMethod):
         def advance(work: rejection.RejectionWork, *rest: object) -> int:
             return rejection.advance(model, work, *rest)
 
-        return StepwiseSampler(begin, advance, order)
+        return BufferedSampler(begin, advance, order)
 
 
 def model_of(network: Network) -> tuple[rejection.RejectionModel, Ints]:

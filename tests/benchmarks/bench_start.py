@@ -88,7 +88,7 @@ def events(repeats: int) -> None:
     """ns an event of the line of four at 60 cubes, by both twins."""
     network = Rates.load("table3").apply(derive(RuleBook.load("line4")).network)
     merging, start = Merging.of(network), np.array([60, 0, 0, 0])
-    model, changes = merging.model(), network.stoichiometry[merging.leaders]
+    model, changes = merging.model(), network.stoichiometry[merging.representatives]
     grid, key = np.array([2000.0]), stream_key(0)
     kernels = {"direct": (direct_in_c, ensemble), "lockstep": (lockstep_in_c, lockstep)}
     paths = islice(Direct().sample_paths(network, start, 2000.0), 50)

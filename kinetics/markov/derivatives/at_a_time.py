@@ -46,7 +46,7 @@ from kinetics.markov.transient.transitions import Transitions
 from kinetics.markov.transient.uniformisation import MAX_STEPS
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats
-from kinetics.support.interrupts import pieces
+from kinetics.support.interrupts import short_slices
 
 
 class Weights(NamedTuple):
@@ -223,7 +223,7 @@ class Passes:
         for begin, vectors in self._forwards.backwards():
             block = slice(begin, begin + len(vectors))
             parts = [np.zeros_like(each) for each in sums]
-            for part in reversed(list(pieces(len(vectors), 2.0 * (parts[0].size + n)))):
+            for part in reversed(list(short_slices(len(vectors), 2.0 * (parts[0].size + n)))):
                 some = vectors[part], weights[block][part], after[block][part]
                 markov.steps_back(*self._moves, self._stays, *some, values, later, *parts)
             for s, found in enumerate(parts):

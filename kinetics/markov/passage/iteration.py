@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from kinetics.markov.passage.certified import FINE, BoundedSolution, Equations
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.support.arrays import Floats
-from kinetics.support.interrupts import pieces
+from kinetics.support.interrupts import short_slices
 
 LARGEST = 830  # binary exponent of the largest value while bounds are proven, so that small ones lose no digits
 TINY = 1e-307  # what doubles lose where they are smallest, and more
@@ -197,7 +197,7 @@ class Iteration(Equations):
 
         change, most, left = np.zeros_like(left), min(STEPS, self._steps), left.copy()
         memory, numbers, done = np.empty((4, left.size)), np.empty(3), 0
-        for part in pieces(most, 8.0 * (self._factors[3].size + left.size)):
+        for part in short_slices(most, 8.0 * (self._factors[3].size + left.size)):
             done, is_over = krylov.correct(
                 *self._factors, *self._table[2:], is_occupation, units, left, change, goal, memory, numbers, done,
                 part.stop,

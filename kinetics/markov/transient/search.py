@@ -26,7 +26,7 @@ MOST_AHEAD = 4096  # states that are judged beside those, before they are known 
 NOTHING_STOPS = np.zeros(0, dtype=bool)
 ADVICE = (
     "Start from fewer copies, stop the network's growth, keep only the likely states by the method 'fsp', follow the "
-    "chain within some of them (`Chain.of(..., within=...)`), or sample with the direct method instead"
+    "chain in some of them (`Chain.of(..., truncate=...)`), or sample with the direct method instead"
 )
 
 

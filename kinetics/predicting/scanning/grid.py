@@ -33,7 +33,7 @@ def scan(
     *,
     initial: Counts | None = None,
     max_states: int = MAX_STATES,
-    within: str | int | None = None,
+    truncate: str | int | None = None,
     runs: int = 1000,
     seed: int = 0,
     workers: int = 1,
@@ -50,7 +50,7 @@ def scan(
     ask : questions as `wellmixed ask` takes them, such as "E[AB] @ 100" or "P=? [ F<=100 AB >= 5 ]"
     initial : counts at time 0 that go before the model's; None for these
     max_states : a point that can reach more is sampled, as is one whose rates depend on time; 0: every point
-    within : condition or number of states within which a chain is followed, as in `Chain.of`
+    truncate : condition of the states that a chain is truncated to, or their number, as in `Chain.of`
     runs : of each point that is sampled; at least 2
     workers : processes on this machine
     scheduler : address of a Dask scheduler, whose workers answer instead
@@ -72,7 +72,7 @@ def scan(
     asked = ScanRequest(
         tell_questions(ask),
         whole_number("max_states", max_states, 0),
-        within,
+        truncate,
         whole_number("runs", runs, 2),
         whole_number("seed", seed, 0),
     )

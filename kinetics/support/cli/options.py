@@ -50,7 +50,6 @@ budget_option = click.option(
 
 truncate_option = click.option(
     "--truncate",
-    "within",
     metavar="CONDITION|N",
     callback=_part,
     help="Truncate the chain to the states in which this condition holds, or to the N nearest to its start; bounds "
