@@ -230,7 +230,7 @@ class Chain:
         return self._answer(lambda: steady_mean(self.stationary(), held).clipped(), EQUATIONS)
 
     def stationary(self) -> Stationary:
-        """The distribution after infinite time, with a relative error a state."""
+        """The stationary distribution, with a relative error bound for every state."""
         self.check_complete("a steady state")
         return replace(stationary_of(*self._begun), space=self.space)
 
@@ -306,7 +306,7 @@ def reward_asked(
 
 
 def impulse_reward(chain: Chain, reward: Reward) -> Floats | None:
-    """What a reward gives for each entry (K,) of the transitions; None where it has no impulses."""
+    """The impulse reward (K,) of each entry of the transitions; None if the reward has no impulses."""
     if reward.impulses is None:
         return None
     return np.asarray(reward.impulses[chain.transitions.rows, chain.transitions.columns]).ravel()

@@ -36,7 +36,7 @@ def updating_sampler(network: Network) -> BufferedSampler:
 
 
 def model_of(network: Network) -> grouped.GroupedModel:
-    """What the kernel reads."""
+    """The tables of a network that `kernels.grouped` reads."""
     from kinetics.kernels import grouped
 
     laws = mass_action(network)

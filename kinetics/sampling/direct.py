@@ -54,7 +54,7 @@ class Direct(SamplingMethod):
         return updating_sampler(network)
 
     def sampler_of_rates(self, network: Network) -> Callable[[Floats], Sampler]:
-        """Where every event computes all propensities, only their coefficients change."""
+        """A function from rate constants (R,) to a sampler; microseconds a call in small networks."""
         size = NetworkSize.of(network)
         if recomputing_cost(size) > updating_cost(size):
             return super().sampler_of_rates(network)
@@ -63,17 +63,17 @@ class Direct(SamplingMethod):
         return RecomputingSampler(with_units).with_constants
 
     def cost(self, size: NetworkSize) -> float:
-        """Processor time of an event, ns."""
+        """Processor time of an event, ns, by the cheaper way to keep propensities current."""
         return min(recomputing_cost(size), updating_cost(size))
 
 
 def recomputing_cost(size: NetworkSize) -> float:
-    """Of an event that computes all propensities anew, ns."""
+    """Processor time, ns, of an event that computes all propensities anew."""
     return 25.0 + 2.1 * size.n_merged + 0.6 * (size.n_channels - size.n_merged)
 
 
 def updating_cost(size: NetworkSize) -> float:
-    """Of an event that updates those that it changed, ns."""
+    """Processor time, ns, of an event that updates only the propensities that it changed."""
     return 48.0 + size.update_cost + 0.13 * size.n_channels
 
 
@@ -87,7 +87,7 @@ class RecomputingSampler:
         self.changes = network.stoichiometry[self.merging.representatives]
 
     def with_constants(self, constants: Floats) -> RecomputingSampler:
-        """The same for other rate constants (R,), where those of this one are 1."""
+        """A copy with rate constants (R,), 1/tu, in place of constants of 1."""
         other = copy(self)
         other.constants = constants
         other.model = self.merging.model(constants)

@@ -43,14 +43,14 @@ def simulate_posterior(
     weights: ArrayLike | None = None,
     watch: Watch | None = None,
 ) -> Iterator[Ints]:
-    """Counts (runs, T, S) at `times` (T,), tu, under each of `constants` (D, R), 1/tu, draw after draw.
+    """Yield the counts (runs, T, S) at `times` (T,), tu, of runs under each draw of rate constants (D, R), 1/tu.
 
-    method : how the runs are made; Auto() by default
-    weights : (S, V) whole weights, for the sums of counts (runs, T, V) instead
-    watch : for runs some of which may be truncated, after which there are fewer times; else that is a ValueError
+    method : sampling method; Auto() by default
+    weights : (S, V) whole weights, to get sums of counts (runs, T, V) instead
+    watch : lets runs be truncated, which leaves fewer times; without it, a truncated run is a ValueError
 
-    Only one draw a thread, and a few more, is in memory at a time. The same seed gives the same runs for any number of
-    threads. Beyond its runs a draw costs some 20 us where the method is the direct one or in lockstep.
+    Memory holds a few draws a thread at a time. The same seed gives the same runs for any number of threads. Cost:
+    some 20 us a draw beyond its runs, by the direct method or in lockstep.
 
     >>> from kinetics import Network
     >>> from kinetics.sampling import simulate_posterior
@@ -112,7 +112,7 @@ def first_times_of_draws(
     method: SamplingMethod | None = None,
     first_run: int = 0,
 ) -> Iterator[Floats]:
-    """Times (runs,), tu, at which a condition first holds in each run, under each of `constants` (D, R), 1/tu.
+    """Yield the time (runs,), tu, at which a condition first holds in each run, for each of `constants` (D, R), 1/tu.
 
     A run in which the condition does not hold by `end` has the time inf. The runs equal those of `simulate_posterior`
     up to that time, at which they stop. A condition that holds at the start is a ValueError.
@@ -148,7 +148,7 @@ def exposures_of_draws(
     *,
     first_run: int = 0,
 ) -> Iterator[tuple[Ints, Floats]]:
-    """Events and exposures (runs, R) of every channel until `end`, tu, under each of `constants` (D, R), 1/tu.
+    """Yield events and exposures (runs, R) of every channel until `end`, tu, under each of `constants` (D, R), 1/tu.
 
     An exposure is the integral over time of multiplicity * combinations of reactants, tu. In small networks, where
     `Direct` computes all propensities at every event, the runs equal those of `simulate_posterior` by `Direct`; in

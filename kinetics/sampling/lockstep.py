@@ -81,7 +81,7 @@ class LockstepSampler:
         self.path = self.one_by_one.path
 
     def with_constants(self, constants: Floats, one_by_one: Sampler) -> LockstepSampler:
-        """The same for other rate constants (R,), where those of this one are 1."""
+        """A copy with rate constants (R,), 1/tu, in place of constants of 1."""
         other = copy(self)
         other.one_by_one, other.path = one_by_one, one_by_one.path
         other.model = self.merging.model(constants)

@@ -29,7 +29,7 @@ WIDEST = 1e6  # ratio of weights up to which w_X is taken off a sum: at most so 
 class MergedChannels(NamedTuple):
     """Propensities of G channels among S species, made from the R of a network, and what the kernels read of them.
 
-    coefficients, first, second (G,), less (G,), is_general (G,), factors (G, K, 3) : as of `mass_action.MassAction`; a
+    coefficients, first, second (G,), less (G,), is_general (G,), factors (G, K, 3) : as in `mass_action.MassAction`; a
         second of S + 1 + f stands for sum f
     terms (M, 4) : of the sums, one after another: a weight, the species s and what is taken from its copies, for
         weight * (x[s] - taken); and S + 1 + f in the last term of sum f, else 0
@@ -114,7 +114,7 @@ class Merging:
         return self.members[self.spans[:-1]]
 
     def model(self, constants: Floats | None = None) -> MergedChannels:
-        """What the kernels read; `constants` (R,) replace rate constants of 1."""
+        """The tables that the kernels read; `constants` (R,) replace rate constants of 1."""
         laws, starts = self.laws, self.spans[:-1]
         shares = self._coefficients(constants)
         coefficients, first, second = shares[starts], laws.first[starts], laws.second[starts]
@@ -147,7 +147,7 @@ class Merging:
         )
 
     def named(self, constants: Floats | None = None) -> Members:
-        """What the kernels read to tell the network's channel; `constants` as of `model`."""
+        """The tables by which kernels attribute an event to a channel of the network; `constants` as for `model`."""
         from kinetics.kernels.members import Members
 
         return Members(self.spans, self.members, self._coefficients(constants), self._partners, self.laws.less)

@@ -73,7 +73,7 @@ class PartialPropensities(SamplingMethod):
 
 
 def model_of(network: Network) -> tuple[partial.PartialModel, Ints]:
-    """What the kernel reads, and the network's channels in the order of the kernel's."""
+    """The tables that `kernels.partial` reads, and the network's channels (R,) in the order of the kernel."""
     from kinetics.kernels import partial
 
     needed, change = network.sparse_reactants, network.sparse_stoichiometry

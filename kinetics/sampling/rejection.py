@@ -95,7 +95,7 @@ class CompositionRejection(SamplingMethod):
 
 
 def model_of(network: Network) -> tuple[rejection.RejectionModel, Ints]:
-    """What the kernel reads, and the network's channels in the order of the kernel's."""
+    """The tables that `kernels.rejection` reads, and the network's channels (R,) in the order of the kernel."""
     from kinetics.kernels import rejection
 
     laws = mass_action(network)
@@ -149,13 +149,10 @@ def _owners(network: Network, laws: MassAction) -> tuple[Ints, Ints]:
 def _words(
     changed_by: Ints, species: Ints, gained: Ints, readers: SparseTable, kinds: Ints, n_channels: int
 ) -> tuple[Ints, NDArray[np.uint32], NDArray[np.uint32]]:
-    """Events and lists of groups as `kernels.rejection` reads them: where each event and each species' list begins.
+    """Tables of events and of groups to renew, as `kernels.rejection` reads them.
 
-    changed_by, species, gained : (n,) channel, species and copies of each change
-    readers, kinds : groups that depend on each species, and how
-
-    The groups of all species that a channel changes are put together, so that each is renewed once; but a list that
-    would be long is not, and the species' own lists are taken.
+    A channel has one list of the groups of all species that it changes, so that each group is renewed once; if that
+    would be long, it refers to the lists of its species instead.
     """
     is_joint = np.bincount(changed_by, np.diff(readers.starts)[species], n_channels) <= LONGEST_LIST
     joined = is_joint[changed_by]

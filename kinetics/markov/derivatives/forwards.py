@@ -64,7 +64,7 @@ class Forwards:
         return block
 
     def backwards(self) -> Iterator[tuple[int, Floats]]:
-        """Where each block begins and its vectors (B, N), the last block first."""
+        """Yield the first step of each block and its vectors (B, N), from the last block to the first."""
         for b in reversed(range(len(self._blocks))):
             begin, block = b * self.length, self._blocks[b]
             if len(block) == 1:

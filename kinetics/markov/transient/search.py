@@ -259,7 +259,7 @@ class Search:
 
 
 def state_bytes(n_species: int) -> int:
-    """What a state takes: its counts, of which a chain keeps a copy, its key, and its slots in the table of keys."""
+    """Bytes that a state takes: its counts, the chain's copy of them, its key, and its slots in the table of keys."""
     return 8 * (2 * n_species + 1 + 4)
 
 
@@ -275,7 +275,7 @@ def keys_of(states: Ints, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]
 
 
 def key_changes_of(changes: SparseTable, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """What each channel (R,) adds to a key."""
+    """The change (R,) of a state's key when each channel fires."""
     parts = changes.copies.astype(np.uint64) * multipliers[changes.columns]
     sums = np.append(np.zeros(1, dtype=np.uint64), np.cumsum(parts, dtype=np.uint64))
     return sums[changes.starts[1:]] - sums[changes.starts[:-1]]
