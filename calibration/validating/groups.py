@@ -91,9 +91,9 @@ class SimulatedGroups:
         )  # fmt: skip
 
     def events_off(self, factors: Floats, groups: int, until: float, part: int) -> Iterator[tuple[Ints, Floats]]:
-        """The same for other runs, as if the rate constants were these factors (R,) times what they are.
+        """Events and exposures (n, R) of other runs, whose rate constants are multiplied by factors (R,).
 
-        part : of those asked for of one experiment, its number
+        part : number of this set of runs among those of the experiment; it selects their random streams
         """
         return exposures_of_draws(
             self.model, self.constants(0, groups) * factors, self.initial, until, self.runs, self.seed,

@@ -212,7 +212,7 @@ def _when(found: Passage, time: Answer) -> str:
 
 
 class Sensitivities(NamedTuple):
-    """What each rate constant does to the mean, or to the probability; to sd and quantiles, as far as there are any.
+    """Derivatives by each rate constant: of the mean or the probability, and of sd and quantiles if there are any.
 
     refusal : why there are no quantiles
     """

@@ -75,7 +75,7 @@ class GeneralModel(NamedTuple):
 
 
 class GeneralWork(NamedTuple):
-    """What one run keeps between calls.
+    """State of one run between calls.
 
     results (P,) : of every program; the first R are the propensities
     lows, highs (P,) : of ranges; the first R highs are the bounds of timed channels, and what steady ones are

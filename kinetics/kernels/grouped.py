@@ -42,7 +42,7 @@ class GroupedModel(NamedTuple):
 
 
 class GroupedWork(NamedTuple):
-    """What one run keeps between calls.
+    """State of one run between calls.
 
     propensities (R,), sums (B,), upto (B,) : of channels, of blocks, and running over blocks
     """

@@ -20,7 +20,7 @@ ACTIVE, RUNS, STEPS = 0, 1, 2  # in `LockstepWork.notes`
 
 
 class LockstepWork(NamedTuple):
-    """Where the runs stand between calls. The arrays of the lanes are (LANES,) where no other shape is given.
+    """State of the runs between calls. The arrays of the lanes are (LANES,) unless stated.
 
     counts (S + 1 + sums, LANES), within (G, LANES), upto (blocks, LANES) : copies, and running sums of propensities
     change (S, G + 1) : of the counts by each channel; channel G changes nothing: what a lane does that has just ended

@@ -67,7 +67,7 @@ class PartialModel(NamedTuple):
 
 
 class PartialWork(NamedTuple):
-    """What one run keeps between calls.
+    """State of one run between calls.
 
     copies (2 W,) : counts of the owners as doubles, then what a like pair takes beside one copy: n_i - less_i, or 0
     partials (W,) : L, a bound from above

@@ -76,7 +76,7 @@ class RejectionModel(NamedTuple):
 
 
 class RejectionWork(NamedTuple):
-    """What one run keeps between calls.
+    """State of one run between calls.
 
     groups (G,) GROUP : count of each group's owner, partial (L) and bin
     places (G,) uint32 : where in its bin each group lies

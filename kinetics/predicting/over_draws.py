@@ -41,7 +41,7 @@ class DrawMeans:
     noise: Floats
 
     def at_last(self) -> DrawMeans:
-        """The same at the last time alone."""
+        """A copy with the means at the last time only."""
         return replace(self, means=self.means[:, -1:], noise=self.noise[:, -1:])
 
     @property

@@ -22,9 +22,9 @@ from kinetics.support.stream_keys import seed_of
 
 @dataclass(frozen=True)
 class ScanRequest:
-    """What is asked at every point of a scan.
+    """The questions to ask at every point of a scan, and how.
 
-    max_states : where more can be reached, or rates depend on time, the point is sampled; 0: everywhere
+    max_states : a point is sampled if more can be reached, or if rates depend on time; 0: always
     truncate : condition of the states that a chain is truncated to, or their number; None for all
     runs, seed : of points that are sampled
     """
@@ -41,7 +41,7 @@ class ScanRequest:
         return [(question, parse(question)) for question in self.questions]
 
     def key(self, model: Model) -> str:
-        """What the answers at a point depend on, as text: two points of one key have the same answers."""
+        """A text of all that the answers at a point depend on: two points with one key have the same answers."""
         return f"{model.digest} {self!r}"
 
     def stream(self, model: Model) -> int:

@@ -147,10 +147,9 @@ def _label(model: Model, name: str) -> str:
 
 
 def _first(missing: list[int], take: Callable[[int], None], cost: Callable[[Sequence[float], int], None]) -> list[int]:
-    """Answer the first point here, so that mistakes and the cost are told at once; returns those that are left.
+    """Answer the first point in this process, to report mistakes and the cost at once; returns the points left.
 
-    Where it was quick, the second and the last as well: the first also loads what all need, and the last, where values
-    rise, is often the dearest.
+    If it was quick, the second and the last follow: the first also pays for imports, and the last often costs most.
     """
     tried: list[int] = []
     seconds: list[float] = []
@@ -167,7 +166,7 @@ def _first(missing: list[int], take: Callable[[int], None], cost: Callable[[Sequ
 
 
 def _cost(seconds: Sequence[float], left: int, points: int, workers: int) -> str:
-    """What is left to do, if other points are like those that took so long."""
+    """A forecast of the CPU time left, from the points answered so far."""
     spread = "" if workers == 1 else f", by {workers} workers in 1/{workers} of that"
     each, rest = _span(seconds, 1), _span(seconds, left)
     return (
