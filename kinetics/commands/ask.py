@@ -67,7 +67,7 @@ def ask(
     asked: ModelOptions,
     questions: tuple[str, ...],
     stop: str | None,
-    within: str | int | None,
+    truncate: str | int | None,
     max_states: int,
     out_file: str | None,
     with_sensitivity: bool,
@@ -102,7 +102,7 @@ def ask(
         }
         given |= {
             "--copies-per-unit": asked.copies_per_unit,
-            "--truncate": within,
+            "--truncate": truncate,
             "--set": asked.chosen or None,
             "--tank": asked.edges,
         }
@@ -111,7 +111,7 @@ def ask(
     else:
         model = applied(*described(asked))
         # What is written is the whole chain, which then answers all questions.
-        chains = answering_chains([] if out_file else queries, model, stop, within, max_states)
+        chains = answering_chains([] if out_file else queries, model, stop, truncate, max_states)
     found: dict[int, tuple[Answer, Derivatives | None]] = {}
     states = rates = 0
     with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:

@@ -50,7 +50,7 @@ def check(
                 "correct": report.is_correct,
                 "structures": report.n_structures,
                 "events": report.n_events,
-                "coming_home": report.recoverability._asdict(),
+                "recoverability": report.recoverability._asdict(),
                 "slow_waves": report.waves,
                 "findings": [
                     {

@@ -157,7 +157,7 @@ def grow(
 
 
 def _truncation(made: Growths, grid: Floats, most: int) -> Truncation | None:
-    """What to say of runs that made as many events as they may; None where all times asked for came before."""
+    """The truncation of runs that reached the most events; None if they passed all times asked for before."""
     ends = np.array(made.truncated)
     first, known = int(np.argmin(ends)), np.sort(grid)
     later = known[known > ends[first]]
@@ -182,7 +182,7 @@ def _truncation(made: Growths, grid: Floats, most: int) -> Truncation | None:
 
 
 def _start(rules: RuleBook, cubes: int, seeds: int | None) -> int | dict[Structure, int]:
-    """What the tank holds at time 0."""
+    """The contents of the tank at time 0."""
     if seeds is None:
         return cubes
     seed = rules.seed()
@@ -252,7 +252,7 @@ def _table(made: Growths, grid: Floats) -> str:
 
 
 def _notes(made: Growths, cpu_seconds: float) -> list[str]:
-    """What the table means, what became of the target, what the runs end with and what they cost."""
+    """Notes below the table: its meaning, the target's yield, how runs ended, and their cost."""
     n, events = len(made.runs), sum(run.times.size for run in made.runs)
     draws = sum(run.draws for run in made.runs)
     what = "mean ± sd of a run" if n > 1 else "of a single run, which has no spread"

@@ -93,7 +93,7 @@ def passage(
     runs: int,
     horizon: float,
     draws: int,
-    within: str | int | None,
+    truncate: str | int | None,
     with_sensitivity: bool,
     plot_files: tuple[str, ...],
     budget: float,
@@ -114,22 +114,22 @@ def passage(
     began = time.process_time()
     model, rates, tank = given = described(asked)
     counted = model.counted(species)
-    if within is not None and (plot_files or with_sensitivity):
+    if truncate is not None and (plot_files or with_sensitivity):
         raise ValueError("--truncate gives bounds, which have neither --plot nor --sensitivity; leave one out")
     if method == "ssa":
-        if within is not None or with_sensitivity:
+        if truncate is not None or with_sensitivity:
             raise ValueError("--method ssa takes neither --truncate nor --sensitivity; leave them out")
         _sample(asked, given, species, copies, (runs, seed, horizon), plot_files, as_json)
         return
     slopes = None
     with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:
         progress("solving for the passage")
-        if within is None:
+        if truncate is None:
             made = predict_passage(model, rates, None, counted, copies, seed, draws, tank)
             found, mean, notes, network = made.passage, made.mean, made.notes, made.network
         else:
             network = applied(*given).network
-            chain, goal = chain_to(replace(model, network=network), None, counted, copies, MOST, within)
+            chain, goal = chain_to(replace(model, network=network), None, counted, copies, MOST, truncate)
             found = chain.passage(goal, in_words(summed(network, counted)[1], copies))
             mean, notes = found.answer("mean"), ()
         progress("quantiles")
@@ -194,7 +194,7 @@ def _when(found: Passage, time: Answer) -> str:
 
 
 class Sensitivities(NamedTuple):
-    """What each rate constant does to the mean, or to the probability; to sd and quantiles, as far as there are any.
+    """Derivatives by each rate constant: of the mean or the probability, and of sd and quantiles if there are any.
 
     refusal : why there are no quantiles
     """

@@ -208,7 +208,7 @@ def predict(
 
 
 def _accuracy(size: str | None, of: str) -> AskedAccuracy | None:
-    """What is asked for; None where nothing is."""
+    """The accuracy asked for; None if there is none."""
     if size is None:
         if of != "mean":
             raise ValueError(f"--accuracy-of {of}, but no --accuracy; say how small the error must be, as in 1%")

@@ -157,7 +157,7 @@ def _books(
 
 
 def _is_target(name: str) -> bool:
-    """Whether a file describes a target: it has its cubes, but no letters and no rules."""
+    """True if a file describes a target: it has cubes, but no letters and no rules."""
     path = Path(name)
     if path.suffix != ".toml" or not path.is_file():
         return False

@@ -43,7 +43,6 @@ budget_option = default_option(
 
 truncate_option = click.option(
     "--truncate",
-    "within",
     metavar="CONDITION|N",
     callback=_part,
     help="Truncate the chain to the states in which this condition holds, or to the N nearest to its start; bounds "
