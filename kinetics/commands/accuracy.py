@@ -40,7 +40,7 @@ TIMES = 101  # at which distributions are compared
     type=click.FloatRange(min=0, min_open=True),
     default=20.0,
     show_default=True,
-    help="CPU time allowed, minutes; the most expensive settings are skipped where they would exceed it.",
+    help="CPU time allowed, minutes; the most expensive settings are skipped if they would exceed it.",
 )
 @csv_option
 @plot_option

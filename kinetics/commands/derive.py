@@ -53,7 +53,7 @@ def derive(
     break_name: str | None,
     as_json: bool,
 ) -> None:
-    """Derive the reaction network of a rule book, with ways counted from geometry, or read a network file.
+    """Derive the reaction network of a rule book, with multiplicities counted from geometry, or read a network file.
 
     NETWORK is a rule book or a network file; --out writes it in another format, for which a book needs --rates, and
     --cubes or --initial; the rates say how bonds break. The command draws no random numbers.

@@ -61,7 +61,7 @@ FRAMES = 8  # of a strip
     "draws",
     metavar="N",
     type=click.IntRange(min=1),
-    help="With --rates: spread the runs over so many draws of the rates from their evidence.  [default: none]",
+    help="With --rates: spread the runs over this many draws of the rates from their posterior.  [default: none]",
 )
 @click.option(
     "--join",
@@ -87,7 +87,7 @@ FRAMES = 8  # of a strip
     type=click.IntRange(min=1),
     default=MAX_EVENTS,
     show_default=True,
-    help="Most events of a run. Where one would come to more, figures end before it.",
+    help="Maximum number of events in a run; results end where a run would exceed it.",
 )
 @click.option(
     "--strip",
@@ -126,7 +126,7 @@ def grow(
     The simulation is statistically exact, as sampling in `predict` is, and works for books that can assemble any number
     of structures. Rates by class come from `calibrate` and are described in docs/class_rates.md. It reports mean and
     standard deviation over the runs. Ctrl-C keeps the runs that are finished. Exit code 4: a run was truncated, and
-    there are fewer times than were asked for.
+    there are fewer times than requested.
     """
     from kinetics.assembly import RuleBook
     from kinetics.networkfree import grow as make

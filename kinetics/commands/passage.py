@@ -56,7 +56,6 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     show_default=True,
     help="Number of its copies to wait for.",
 )
-@heading(RULES)
 @click.option(
     "--method",
     type=click.Choice(["solve", "ssa"]),
@@ -70,15 +69,16 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     type=click.IntRange(min=2),
     default=1000,
     show_default=True,
-    help="Number of independent runs that are sampled.",
+    help="Number of independent runs to sample.",
 )
 @click.option(
     "--horizon",
     metavar="TIME",
     type=click.FloatRange(min=0, min_open=True),
     default=np.inf,
-    help="Time at which a sampled run ends at the latest.  [default: when nothing can happen any more]",
+    help="Latest time at which a sampled run ends.  [default: when nothing can happen any more]",
 )
+@heading(RULES)
 @click.option(
     "--posterior-draws",
     "draws",
@@ -94,7 +94,8 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     "--sensitivity",
     "with_sensitivity",
     is_flag=True,
-    help="Say what each rate constant does to mean, sd and quantiles, or to the probability where that is below 1.",
+    help="Report elasticities by each rate constant: of mean, sd and quantiles, or of the probability if it is "
+    "below 1.",
 )
 @plot_option
 @budget_option
@@ -117,11 +118,11 @@ def passage(
 ) -> None:
     """Solve for the first-passage time to a number of copies of a species: mean, sd, quantiles, distribution function.
 
-    NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. The time is solved
-    for. If the rates come with their events and exposure, the mean is the posterior median of the mean time, with a
-    95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant. By --method ssa the
-    time is sampled at these rate constants, and the intervals show the number of runs alone.
-    A network with too many states is truncated by --truncate, which gives bounds.
+    NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. The time is solved,
+    not sampled. If the rates come with their events and exposure, the mean is the posterior median of the mean time,
+    with a 95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant. With --method
+    ssa the time is sampled at these rate constants, and the intervals reflect the number of runs only. For a network
+    with too many states, --truncate gives bounds.
     """
     from kinetics.markov.network_questions import chain_to
     from kinetics.predicting import predict_passage

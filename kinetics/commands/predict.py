@@ -60,7 +60,7 @@ INSTEAD = (
     "--runs",
     metavar="N",
     type=click.IntRange(min=1),
-    help="Least number of runs, for a sampling method; with evidence, 100 under each draw of the rates.  "
+    help="Minimum number of runs of a sampling method; if the rates have evidence, 100 for each draw of the rates.  "
     "[default: 1000]",
 )
 @click.option(
@@ -73,7 +73,7 @@ INSTEAD = (
     type=click.Choice(("mean", "sd", "distribution")),
     default="mean",
     show_default=True,
-    help="What --accuracy is the error of.",
+    help="Quantity whose error --accuracy limits.",
 )
 @budget_option
 @click.option(
@@ -82,7 +82,7 @@ INSTEAD = (
     type=click.IntRange(min=1),
     default=MAX_EVENTS,
     show_default=True,
-    help="Most events of a run. Where one would come to more, figures end before it.",
+    help="Maximum number of events in a run; results end where a run would exceed it.",
 )
 @click.option(
     "--threads",
@@ -98,10 +98,13 @@ INSTEAD = (
     type=click.IntRange(min=2),
     default=200,
     show_default=True,
-    help="Least number of draws of the rates, for the runs and for the interval.",
+    help="Minimum number of posterior draws of the rates, for the runs and the interval.",
 )
 @click.option(
-    "--elasticity", "with_elasticity", is_flag=True, help="Say what each parameter of the rates does to the last means."
+    "--elasticity",
+    "with_elasticity",
+    is_flag=True,
+    help="Report the elasticity of each mean at the last time by each parameter of the rates.",
 )
 @click.option(
     "--elasticity-plot",
@@ -109,7 +112,7 @@ INSTEAD = (
     metavar="FILE",
     multiple=True,
     callback=picture_of,
-    help="Write bars of these elasticities to this PNG, PDF or SVG file; may be repeated.",
+    help="Write a bar chart of these elasticities to this PNG, PDF or SVG file; may be repeated.",
 )
 @heading(HEADING)
 @csv_option
@@ -145,13 +148,13 @@ def predict(
     expected to be cheapest; `transient` solves the master equation. Runs are not stored, so there may be millions;
     Ctrl-C reports those made so far.
 
-    With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until
-    they are enough, in 20 minutes of CPU time unless --budget says otherwise. 1% is relative to each species' largest
-    mean over the times, or to one copy where that is more. The report says what was chosen, what each way was forecast
-    to cost, the error reached, and what a tenth would cost.
+    With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until they
+    are enough, in 20 minutes of CPU time unless --budget says otherwise. 1% is relative to each species' largest mean
+    over the times, or to one copy where that is more. The report says what was chosen, what each method was forecast to
+    cost, the error reached, and what a tenth of the error would cost.
 
-    A run that would never end, because counts grow without limit or events are too quick, is truncated; figures are
-    given for the times before, and a note says why. Exit code 4: there are fewer times than were asked for.
+    A run that would not end, because counts grow without bound or events come too fast, is truncated; results are given
+    for the times before, with a note. Exit code 4: there are fewer times than requested.
     """
     from kinetics.predicting import predict as make
 

@@ -82,7 +82,7 @@ if TYPE_CHECKING:
     type=click.IntRange(min=2),
     default=1000,
     show_default=True,
-    help="Number of runs for a book that has to be sampled.",
+    help="Number of runs for a book that is sampled.",
 )
 @click.option(
     "--posterior-draws",
@@ -143,8 +143,8 @@ def rank(
     to the target, fewest joins first, until the time limit.
 
     The report gives the expected yield at the horizon and the mean time to the first target, each with its error:
-    solved exactly where the states are few enough, sampled otherwise. Books whose difference lies within the errors
-    share a place.
+    solved exactly if the states are few enough, sampled otherwise. Books that differ by less than their errors share a
+    rank.
     """
     from kinetics.assembly.rules.writing import written
     from kinetics.predicting.ranking import ranking

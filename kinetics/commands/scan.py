@@ -111,13 +111,13 @@ def scan(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Answer questions at every combination of values, exactly where the states can be listed, else by samples.
+    """Answer questions at every combination of values, exactly if the states can be enumerated, otherwise by sampling.
 
     NETWORK is a rule book, which needs --rates and --cubes (or --over cubes=...), or a network file that contains both.
     Questions are those of `wellmixed ask`. Exact answers have bounds that are proven unless the column `kind` says
-    otherwise; sampled ones have a 95 % interval. The first points tell the cost. Points are kept as they come: after
-    Ctrl-C the same command goes on from there, and a grid may grow. Exit code 1: a question has no answer at some
-    points, for which the table says why.
+    otherwise; sampled ones have a 95 % interval. The cost is forecast from the first points. Points are stored as they
+    are answered: after Ctrl-C, or with a larger grid, the same command answers only those that are missing. Exit code
+    1: a question has no answer at some points, for which the table says why.
     """
     from kinetics.predicting.scanning import read_values
     from kinetics.predicting.scanning import scan as make

@@ -35,7 +35,7 @@ ENSEMBLES, WITH_POWER = 2, 14  # of runs, at most: of this seed and the next; of
     type=click.Choice([ALL, *METHODS]),
     default=ALL,
     show_default=True,
-    help="Sampling method that is verified; all those that take the network, or one.",
+    help="Sampling method to verify, or all that support the network.",
 )
 @click.option(
     "--runs",
@@ -43,9 +43,11 @@ ENSEMBLES, WITH_POWER = 2, 14  # of runs, at most: of this seed and the next; of
     type=click.IntRange(min=100),
     default=20_000,
     show_default=True,
-    help="Number of runs of each method; more show smaller errors.",
+    help="Number of runs of each method; more runs detect smaller errors.",
 )
-@click.option("--power/--no-power", default=True, help="Measure by mutants of the runs which mistakes would be seen.")
+@click.option(
+    "--power/--no-power", default=True, help="Measure, on runs with planted mistakes, which of them the checks detect."
+)
 @budget_option
 @seed_option
 @json_option
@@ -64,7 +66,7 @@ def verify(
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. Runs are compared
     with the exact distribution at each time and from one time to the next, and with each other, within a seed and
     between this seed and the next. All checks of a method together give a false alarm once in a million. The report
-    says which mistakes would be seen in as many runs. Solvers must agree within their stated errors. Exit code 1 if
+    says which mistakes so many runs would detect. Solvers must agree within their stated errors. Exit code 1 if
     anything fails.
     """
     from kinetics.trust.solver_agreement import compare_solvers

@@ -21,7 +21,7 @@ def in_tanks(index: ExplorationIndex) -> tuple[Recoverability, list[Finding]]:
     found, targets = index.found, index.targets
     if not targets or not found.is_closed:
         return Recoverability(
-            "nothing", (), "not examined, because there is no target, or no end to what can be assembled"
+            "nothing", (), "not examined, because there is no target, or structures grow without bound"
         ), []
     if index.lost:
         return Recoverability("nothing", (), "no: some cubes never become part of a target"), []

@@ -54,11 +54,11 @@ def grown_book(target: Target, senses: Senses, seed: int, budget: Budget, report
             f"letters, max_letters is {target.max_letters}"
         )
     if made.book.internal:
-        waves = "left out; each wave is taken to rest before the next cube docks"
+        waves = "left out; all state updates are assumed to finish before the next cube docks"
     else:
         waves = "none, as there are no internal rules"
     growths = grown(made.book, budget.times(GROWTHS), seed, budget, report)
-    return replace(made, verified=(*made.verified, *growths, f"slow internal waves: {waves}"))
+    return replace(made, verified=(*made.verified, *growths, f"delayed state updates: {waves}"))
 
 
 def _by_tree(target: Target, senses: Senses, seed: int, budget: Budget, report: Notify) -> Compiled:

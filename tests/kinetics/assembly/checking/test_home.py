@@ -1,4 +1,4 @@
-"""What the checker says about coming home, against small tanks in which everything was tried."""
+"""What the checker says about recoverability, against small tanks in which everything was tried."""
 
 from collections import Counter
 from dataclasses import replace
