@@ -148,7 +148,7 @@ def calibrate(
     if target.suffix != ".toml":
         raise ValueError(f"--out {out}: expected a name that ends in .toml")
     if events is not None and (pool or by == "class"):
-        raise ValueError("--events gives rates by channel, of one book; leave out --by class and --pool")
+        raise ValueError("--events gives rates by channel, for one book; leave out --by class and --pool")
     if pool and by == "channel":
         raise ValueError("--pool pools books, whose channels differ; leave it out, or ask for --by class")
     if events is None and (pool or by == "class" or (by is None and is_seeded(scene))):

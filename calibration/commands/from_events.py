@@ -67,7 +67,7 @@ def study_of_events(
         return None
     for name, option in given.items():
         if name not in SHARED:
-            raise ValueError(f"{option} is about mechanics runs, and --events makes none; leave one of them out")
+            raise ValueError(f"{option} applies to mechanics runs, and --events makes none; leave one of them out")
     from calibration.observed.study import observed_study
     from kinetics.commands.models import is_network_file, network_of_book
     from kinetics.formats import read

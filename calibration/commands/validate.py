@@ -141,7 +141,7 @@ def validate(
         refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
         seed = plan.held_out.seed
     elif control_name:
-        raise ValueError("--control: only a plan states rules that a control must fail; give a plan, or leave it out")
+        raise ValueError("--control: only a plan has rules that a control must fail; give a plan, or leave it out")
     described = Scene.load(plan.scene if plan else scene)
     if are_by_class(rates_name):
         if (report and not is_filled("report")) or control_name:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 MODELS = (".sm", ".prism")
 INSTEAD = (
     "Truncate the chain by --truncate, which gives bounds; --stop it where what you ask is decided; start from "
-    "fewer copies, raise --max-states if they have an end, or sample by `wellmixed scan`"
+    "smaller counts, raise --max-states if the chain is finite, or sample by `wellmixed scan`"
 )
 
 

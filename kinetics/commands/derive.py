@@ -60,8 +60,8 @@ def derive(
     """
     if break_name and (out_file or is_network_file(asked.source)):
         raise ValueError(
-            "--break-model shows the network of a rule book without rates; with --out the rates say how bonds break, "
-            "and a network file has the channels that it has"
+            "--break-model needs a rule book without rates; with --out the rates decide how bonds break, and the "
+            "channels of a network file are fixed"
         )
     if out_file and Path(out_file).suffix.lower() in (".xml", ".sbml"):
         require("libsbml")

@@ -276,7 +276,7 @@ def _notes(made: Growths, cpu_seconds: float) -> list[str]:
     n, events = len(made.runs), sum(run.times.size for run in made.runs)
     draws = sum(run.draws for run in made.runs)
     what = "mean ± sd of a run" if n > 1 else "of a single run, which has no spread"
-    notes = [f"{what}: structures by their number of cubes, and the cubes of the largest one"]
+    notes = [f"{what}: structures by their number of cubes, and the size of the largest"]
     if made.target is not None:
         first = made.first_times(made.target)
         reached = int(np.isfinite(first).sum())

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 MOST = 1_000_000  # states
 MOST_EVENTS = 10_000_000  # of a sampled run without a horizon
 INSTEAD = (
-    "Truncate the chain by --truncate, which gives bounds; start from fewer copies, or sample the time: --method ssa"
+    "Truncate the chain by --truncate, which gives bounds; start from smaller counts, or sample the time: --method ssa"
 )
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
@@ -131,7 +131,7 @@ def passage(
     model, rates, tank = given = described(asked)
     counted = model.counted(species)
     if within is not None and (plot_files or with_sensitivity):
-        raise ValueError("--truncate gives bounds, which have neither --plot nor --sensitivity; leave one out")
+        raise ValueError("--truncate gives bounds, for which there is neither --plot nor --sensitivity; leave one out")
     if method == "ssa":
         if within is not None or with_sensitivity:
             raise ValueError("--method ssa takes neither --truncate nor --sensitivity; leave them out")
@@ -139,7 +139,7 @@ def passage(
         return
     slopes = None
     with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:
-        progress("solving for the passage")
+        progress("solving for the first-passage time")
         if within is None:
             made = predict_passage(model, rates, None, counted, copies, seed, draws, tank)
             found, mean, notes, network = made.passage, made.mean, made.notes, made.network

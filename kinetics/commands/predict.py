@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from kinetics.predicting import AskedAccuracy, Elasticities, Prediction
 
 INSTEAD = (
-    "Keep only the likely states by --method fsp; start from fewer copies, or leave out --method, which samples",
-    "Ask for earlier times, start from fewer copies, or leave out --method, which samples",
+    "Keep only the likely states by --method fsp, start from smaller counts, or leave out --method to sample",
+    "Ask for earlier times, start from smaller counts, or leave out --method to sample",
 )  # of the others, and of fsp
 
 
@@ -161,9 +161,7 @@ def predict(
     asked_for = _accuracy(accuracy, accuracy_of)
     model, rates, tank = given = described(asked)
     if (with_elasticity or elasticity_files) and rates is None:
-        raise ValueError(
-            f"elasticities are those to the parameters of a rates file; {asked.source} brings rates of its own"
-        )
+        raise ValueError(f"elasticities are by the parameters of a rates file; {asked.source} has its own rates")
     grid, sums = time_grid(duration, times), shown_of(model, shown)
     chosen = None if method is None else within_budget(method, 60 * budget)
     is_default = click.get_current_context().get_parameter_source("budget") is ParameterSource.DEFAULT
@@ -232,7 +230,7 @@ def _accuracy(size: str | None, of: str) -> AskedAccuracy | None:
     """What is asked for; None where nothing is."""
     if size is None:
         if of != "mean":
-            raise ValueError(f"--accuracy-of {of}, but no --accuracy; say how small the error must be, as in 1%")
+            raise ValueError(f"--accuracy-of {of}, but no --accuracy; state it, as in --accuracy 1%")
         return None
     from kinetics.predicting import AskedAccuracy
 

@@ -244,6 +244,6 @@ def _rates(
     try:
         return ClassRates.fitting(name or "", map(derive, owners))
     except ValueError as error:
-        if of_book is None and "not here" in str(error):
+        if of_book is None and "network of another book" in str(error):
             raise ValueError(f"{error}. Say which book by --rates-book") from None
         raise

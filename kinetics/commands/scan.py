@@ -138,7 +138,7 @@ def scan(
         asked = asked._replace(cubes=max(1, int(over["cubes"][0])))  # the scan checks all of them
     given = described(asked)
     model = applied(*given)
-    keep(f"points that are done are kept in {folder}, and the same command goes on from there")
+    keep(f"answered points are stored in {folder}; the same command continues from there")
     with progress_line(budget=budget) as progress:
         made = make(
             model,
@@ -187,8 +187,8 @@ def scan(
     if not made.is_complete:
         done = sum(answers is not None for answers in made.answers)
         click.echo(
-            f"Interrupted: {done} of {len(made.answers)} points are answered, and kept in {folder}; the same command "
-            "goes on from there.",
+            f"Interrupted: {done} of {len(made.answers)} points are answered and stored in {folder}; the same "
+            f"command continues from there.",
             err=True,
         )
         raise SystemExit(INTERRUPTED)

@@ -77,7 +77,7 @@ def verify(
     chosen = [kind() for name, kind in METHODS.items() if method in (ALL, name)]
     refused = {one.name: one.refusal(model.network) for one in chosen}
     if all(refused.values()):
-        raise ValueError(f"no such method takes the network: {'; '.join(refused.values())}")
+        raise ValueError(f"no such method supports the network: {'; '.join(refused.values())}")
     with progress_line(budget=budget) as progress:
         for one in chosen:
             if not refused[one.name]:

@@ -47,7 +47,9 @@ def enumerated(
     space = reachable(network, initial, ends, most)
     truncated = space.is_stopped & ~stops(space.states)
     if truncated[0]:
-        raise ValueError("the chain starts outside the states that it is followed within; give a condition that holds")
+        raise ValueError(
+            "the chain starts outside the states to which it is truncated; give a condition that holds at its start"
+        )
     return space, truncated
 
 
@@ -62,7 +64,7 @@ def _nearest(
     enough = whole_number("within", at_least, 1)
     if enough > most:
         raise TooManyStatesError.of(
-            f"within = {enough} states, but at most {most} are listed", "Follow the chain within fewer, or allow more"
+            f"within = {enough} states, but at most {most} are enumerated", "Truncate the chain to fewer, or allow more"
         )
     search = Search(network, network.state(initial)[None, :], most, stop)
     begin = 0

@@ -119,7 +119,9 @@ class SamplingMethod(ABC):
     def stopping(self, network: Network) -> SamplingMethod:  # noqa: ARG002
         """The method of runs that end at a condition: this one, or that which it chooses; a ValueError for none."""
         if not self.takes_until:
-            raise ValueError(f"the method {self.name!r} takes no condition at which runs end (until): use 'auto'")
+            raise ValueError(
+                f"the method {self.name!r} does not support a condition that ends runs (until): use 'auto'"
+            )
         return self
 
     def source(
