@@ -96,7 +96,7 @@ class Report:
     def __str__(self) -> str:
         """For people: the summary, for which tanks it holds, whether delayed state updates were explored, then each
         finding."""
-        said = [self.summary, f"recoverable: {self.recoverability.text}", f"delayed state updates: {self.waves}"]
+        said = [self.summary, f"recoverability: {self.recoverability.text}", f"delayed state updates: {self.waves}"]
         return "\n".join([*said, *map(str, self.findings)])
 
     @on_axes

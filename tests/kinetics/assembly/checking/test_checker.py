@@ -34,8 +34,8 @@ def test_shipped_books_are_correct():
     assert kinds(report) == []
     assert str(report) == (
         "book 'line4': 4 structures, 8 joins and breaks; 0 errors, 0 warnings\n"
-        "recoverable: proven for any number of cubes: every other structure can fall apart into free cubes, which make "
-        "the target\n"
+        "recoverability: proven for any number of cubes: every other structure can fall apart into free cubes, which "
+        "make the target\n"
         "delayed state updates: left out"
     )
 
