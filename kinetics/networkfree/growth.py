@@ -15,6 +15,7 @@ from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Placement, Structure
 from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
 from kinetics.support.extras import extra
+from kinetics.support.frozen import set_fields
 from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, on_axes, over_time
 
 if TYPE_CHECKING:
@@ -55,14 +56,17 @@ class Growth(Shown, Tabular):
 
     def __post_init__(self) -> None:
         n, events = len(self.structures), len(self.times)
-        object.__setattr__(self, "initial", integers("initial", self.initial, (n,), 0))
-        object.__setattr__(self, "times", rising_times(self.times, strictly=False))
-        object.__setattr__(self, "end", float(reals("end", self.end, (), minimum=0)))
-        for name in ("before", "after"):
-            indices = integers(name, getattr(self, name), (events, 2), NOTHING)
+        set_fields(
+            self,
+            initial=integers("initial", self.initial, (n,), 0),
+            times=rising_times(self.times, strictly=False),
+            end=float(reals("end", self.end, (), minimum=0)),
+            before=integers("before", self.before, (events, 2), NOTHING),
+            after=integers("after", self.after, (events, 2), NOTHING),
+        )
+        for name, indices in (("before", self.before), ("after", self.after)):
             if indices.size and indices.max() >= n:
                 raise ValueError(f"{name} holds {indices.max()}; there are only {n} structures")
-            object.__setattr__(self, name, indices)
         if events and self.times[-1] > self.end:
             raise ValueError(f"an event at {self.times[-1]:g} comes after the end, {self.end:g}")
         sizes = np.append(self.sizes, 0)  # NOTHING = -1 picks the last
