@@ -59,8 +59,8 @@ def _words(ctx: click.Context, param: click.Parameter, words: tuple[str, ...]) -
 @out_option("The rates file to write (TOML).")
 @sizes_option(
     "--cubes",
-    "Numbers of cubes of the runs. Of events one number: it is checked, and without counts at the start all cubes are "
-    "single.",
+    "Numbers of cubes of the runs. For events one number: it is checked, and if the table gives no initial counts, all "
+    "cubes start single.",
     default=(60,),
 )
 @count_option("--runs", default=20, help="Number of calibration runs at each number of cubes.")
@@ -69,28 +69,27 @@ def _words(ctx: click.Context, param: click.Parameter, words: tuple[str, ...]) -
     "--break-model",
     "breaks",
     metavar="auto|NAME",
-    help="How bonds break: the name of a break model, such as first-order or collision, or auto for the one that the "
-    "runs choose. Of events only where it is given.  [default: the plan's, or auto]",
+    help="How bonds break: a break model such as first-order or collision, or auto for the one that the runs "
+    "choose. For events, no break model is fitted unless one is named here.  [default: the plan's, or auto]",
 )
 @heading("For rates by class")
 @default_option(
     "--group-by",
     type=click.Choice(["auto", "event", "touched", "faces", "sizes"]),
     default="auto",
-    help="What the classes of one constant have in common. It is the event alone, also the "
-    "number of cubes that a place touches, also the faces, or also the sizes; auto lets the runs choose, of joins and "
-    "of breaks.",
+    help="What classes must have in common to share one constant: the event (join or break), also the number of "
+    "cubes touched, also the faces, or also the sizes. With auto the runs choose, for joins and for breaks.",
 )
 @heading("For events that others observed")
 @click.option(
-    "--tank", metavar="X Y Z", type=float, nargs=3, help="Lengths of the tank in which the runs were observed."
+    "--tank", metavar="X Y Z", type=float, nargs=3, help="Edge lengths of the tank in which the runs were observed."
 )
 @click.option(
     "--run-table",
     metavar="FILE",
     type=click.Path(exists=True, dir_okay=False),
-    help="Table of the runs: run, start, end and a column for each species with its copies at the start. Without it, "
-    "rows of the events that are marked start and end say so.",
+    help="Table of the runs: run, start, end and a column for each species with its initial count. Without it, the "
+    "events need rows marked start and end.",
 )
 @heading("How runs are made")
 @run_options
@@ -103,22 +102,22 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
 
     A rate is events over exposure, pooled over all runs; waits that the end of a run cuts short (censoring) count in
     full. Runs are assemblies from single cubes, not restarted, so that rates are measured along the path on which they
-    are used. A channel without events is named: the runs give it no more than an upper limit. One whose reactants no
+    are used. A channel without events is named: for it the runs give only an upper bound. A channel whose reactants no
     run held gets a prior from the others of its kind, and the rates file marks it. Exit code 4: some runs were stopped
     by the guard or given up; the rates come from the others.
 
-    A PLAN, a file as `wellmixed study plan` writes it, states the scene, the tanks, the runs and the seed itself. A
-    FOLDER, as `wellmixed new` makes it, holds the plan, and gets rates, report and runs.
+    A PLAN, a file written by `wellmixed study plan`, states scene, tanks, runs and seed. A FOLDER, made by `wellmixed
+    new`, holds the plan; rates, report and runs are written there.
 
     `calibrate classes SCENE|PLAN ...` gives rates by class, which belong to the number of cubes that a place touches,
-    to pairs of faces and to sizes, as far as the runs tell them apart, and serve `rules grow`, `rules rank`, `predict`
-    and `validate` for any book. Runs of several scenes and plans are pooled. Books that grow from a seed have no other
-    rates, and need no word: see docs/class_rates.md.
+    to pairs of faces and to sizes, as far as the runs distinguish them, and serve `rules grow`, `rules rank`, `predict`
+    and `validate` for any book. Runs of several scenes and plans are pooled. For books that grow from a seed these are
+    the only rates, and the word may be left out: see docs/class_rates.md.
 
-    `calibrate events NETWORK TABLE` makes no runs: rates are those of a rule book or a network file (.net, SBML), from
-    runs that others observed. A row of their table (CSV or Parquet) holds run, time and channel, or run, time and the
-    copies of each species after a change. The word start in the column channel marks the start of a run, with the
-    copies of each species; end marks its end, and restart that it was put back to its start. See
+    `calibrate events NETWORK TABLE` makes no runs: the rates come from runs that others observed, and NETWORK is a rule
+    book or a network file (.net, SBML). A row of the table (CSV or Parquet) holds run, time and channel, or run, time
+    and the copies of each species after a change. The word start in the column channel marks the start of a run, with
+    the copies of each species; end marks its end, and restart that it was put back to its start. See
     docs/observed_events.md.
     """
     from calibration.commands.tables import breaks_table, class_rates_table, rates_table
@@ -162,7 +161,7 @@ def refuse_for(mode: str) -> None:
         if mode not in modes:
             raise ValueError(f"{option} is for calibrate {' and '.join(modes)}, not for {mode}; leave it out")
         if mode == "events" and name not in OF_EVENTS:
-            raise ValueError(f"{option} is about mechanics runs, and calibrate events makes none; leave it out")
+            raise ValueError(f"{option} applies to mechanics runs, and calibrate events makes none; leave it out")
 
 
 def observed(sources: list[str], how: dict[str, Any]) -> CalibrationStudy:
@@ -176,7 +175,7 @@ def observed(sources: list[str], how: dict[str, Any]) -> CalibrationStudy:
     network, single = (read(source).network, None) if is_network_file(source) else network_of_book(source)
     cubes = how["cubes"] if "cubes" in given_options() else ()
     if len(cubes) > 1:
-        raise ValueError(f"--cubes {' '.join(map(str, cubes))}: of events one number, that of the cubes in each run")
+        raise ValueError(f"--cubes {' '.join(map(str, cubes))}: for events one number, that of the cubes in each run")
     return observed_study(
         source, network, table, how["run_table"], cubes=cubes[0] if cubes else None, single=single,
         tank=how["tank"] and Tank(how["tank"]), breaks=how["breaks"],

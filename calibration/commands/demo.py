@@ -41,7 +41,7 @@ def demo(folder: str, scale: float, workers: Executor, progress: bool | None, se
     """Calibrate, predict and validate line4 on a small budget of mechanics runs, and write report.html."""
     from calibration.pipeline.calibration_study import run_calibration
     from calibration.pipeline.held_out_study import run_validation
-    from calibration.pipeline.study_runs import StudyRuns, watched_run
+    from calibration.pipeline.study_runs import StudyRuns, pictured_run
     from calibration.reporting.overview import full_report
     from mechsim.inspection.pictures.tank import draw_tank
     from mechsim.scene import Scene
@@ -60,7 +60,7 @@ def demo(folder: str, scale: float, workers: Executor, progress: bool | None, se
         click.echo(rates_table(calibrated))
     held_out = StudyRuns.assembly(scene, [60, 80, 120], 4, 200 * scale, seed + 1)
     validated = run_validation(held_out, calibrated.rates, runs_folder, **common)
-    record = watched_run(scene, runs_folder, duration=200 * scale, seed=seed + 1)
+    record = pictured_run(scene, runs_folder, duration=200 * scale, seed=seed + 1)
     report = full_report(calibrated, validated, lambda ax: draw_tank(record, ax))
     written = report.write(place / "report.html", data=True)[-1]
     if as_json:

@@ -72,7 +72,7 @@ class GrowthStudy:
 
     @property
     def is_consistent(self) -> bool:
-        """Whether every comparison is."""
+        """True if every comparison is consistent."""
         return all(comparison.is_consistent for comparison in self.comparisons)
 
     def to_dataframe(self) -> pd.DataFrame:

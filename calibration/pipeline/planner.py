@@ -107,8 +107,9 @@ def planned_study(
         if not runs.any():
             least = FEWEST * sum(sized.values()) + float(allocate(table, costs, 1e-6) @ costs)
             raise ValueError(
-                f"{request.cpu_hours:g} CPU hours do not pay for a run that shows each rate and {FEWEST} held-out runs "
-                f"of each size, {least / 3600:.3g} hours; give more --cpu-hours, or take fewer --cubes or --held-out"
+                f"{request.cpu_hours:g} CPU hours are not enough for a run that shows each rate and {FEWEST} "
+                f"held-out runs of each size, {least / 3600:.3g} hours; give more --cpu-hours, or take fewer "
+                "--cubes or --held-out"
             )
     tests = tests_of(runs @ events, sized)
     return PlannedStudy(
@@ -131,7 +132,7 @@ def planned_study(
 def held_out_tests(
     request: PlanRequest, forecast: Forecast, events: Floats, sizes: Iterable[int]
 ) -> tuple[HeldOutTest, ...]:
-    """What held-out runs of each size can tell after a calibration with these events (R,)."""
+    """The power of held-out runs of each size after a calibration with these events (R,)."""
     derivation = book_of(Scene.load(request.scene).rules)[1]
     groups = joins_and_breaks(forecast.network)
     tests: list[HeldOutTest] = []
