@@ -16,9 +16,8 @@ from calibration.commands.shared import (
 )
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option
-from kinetics.support.cli.options import NumbersCommand, echo_json, json_option, picture_of, table_of
+from kinetics.support.cli.options import NumbersCommand, echo_json, json_option, picture_of, table_of, write_tables
 from kinetics.support.cli.study_folder import PLAN, RUNS, is_filled, or_study_folder, rates_of
-from kinetics.support.output import write_whole
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
@@ -146,8 +145,7 @@ def validate(
             cleared = bars(runs.plan.verdict, study, control)
         told = {"plan": runs.plan and runs.plan.name, "seed": runs.seed, "rules": [bar.to_dict() for bar in cleared]}
         told |= {name: None if runs.plan else how[name] for name in ("duration", "runs")}
-    for csv_file in csv_files:
-        write_whole(csv_file, study.to_dataframe().to_csv(index=False))
+    write_tables(csv_files, study.to_dataframe)
     if isinstance(study, GrowthStudy):
         for plot_file in plot_files:
             study.save_plot(plot_file)

@@ -67,16 +67,6 @@ class RateEstimate:
         """Shape and rate of the Gamma posterior under Jeffreys' prior."""
         return jeffreys_posterior(self.events, self.exposure)
 
-    def credible_interval(self, level: float = 0.95) -> tuple[float, float]:
-        """Equal-tailed posterior limits of k, 1/tu."""
-        from scipy.special import gammaincinv
-
-        if not self.is_measured:
-            return 0.0, float("inf")
-        shape, rate = self.posterior
-        tail = (1 - level) / 2
-        return float(gammaincinv(shape, tail) / rate), float(gammaincinv(shape, 1 - tail) / rate)
-
     @on_axes
     def plot(self, ax: Axes, level: float = 0.95) -> Axes:
         """One row of a forest plot, the rate with its interval; returns `ax`."""

@@ -15,7 +15,7 @@ from kinetics.predicting.over_draws import noise_free_limits
 from kinetics.runs import JumpPath
 from kinetics.sampling import Direct
 from kinetics.support.arrays import Floats, Ints
-from kinetics.support.intervals import jeffreys_posterior, posterior_draws
+from kinetics.support.intervals import posterior_draws
 from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
@@ -172,7 +172,7 @@ def _rates(calibration: Calibration, seed: int) -> tuple[Floats, Floats]:
     rates = [0.0] * len(calibration.estimates)
     for r, e in enumerate(calibration.estimates):
         if e.is_measured:
-            shape, total = jeffreys_posterior(e.events, e.exposure)
+            shape, total = e.posterior
             rates[r] = shape / total
     events = [e.events if e.is_measured else None for e in calibration.estimates]
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from scipy.stats import gamma, poisson
+from scipy.stats import poisson
 from synthetic_runs import line_network, restarted_run
 
 from calibration import Exposure, RateEstimate, count, estimate, exact_limits
@@ -28,9 +28,7 @@ def test_limits_are_garwoods(events):
 
 
 def test_posterior_is_jeffreys():
-    estimated = RateEstimate("c", 3, 50.0)
-    assert estimated.posterior == (3.5, 50.0)
-    assert estimated.credible_interval() == pytest.approx(gamma(3.5, scale=1 / 50).ppf([0.025, 0.975]))
+    assert RateEstimate("c", 3, 50.0).posterior == (3.5, 50.0)
 
 
 def test_closed_channel_is_not_measured():
@@ -39,7 +37,7 @@ def test_closed_channel_is_not_measured():
     closed = calibrated["4->2+2"]
     assert not closed.is_measured
     assert np.isnan(closed.rate)
-    assert closed.interval() == closed.credible_interval() == (0.0, np.inf)
+    assert closed.interval() == (0.0, np.inf)
     assert calibrated.not_measured == ("4->2+2",)
     assert calibrated.table()[-1]["note"] == "not measured"
     assert calibrated["1+2->3"].rate == 0.0  # watched, but never seen: an upper limit
