@@ -17,8 +17,7 @@ from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.runs.truncation import Truncation
 from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
-from kinetics.support.datasets import dataset
-from kinetics.support.extras import extra
+from kinetics.support.datasets import dataframe_over_times, dataset
 from kinetics.support.intervals import binomial_limits
 from kinetics.support.memory import check_memory
 from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, means_over_time, on_axes, precision_of
@@ -189,14 +188,10 @@ class EnsembleStatistics(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species."""
-        pandas = extra("pandas")
-
-        names = self.network.species
         figures = {"mean": self.mean(), "sd": self.sd(), "smallest": self.low, "largest": self.high}
         figures |= {f"q{q:g}": self.quantile(q) for q in QUANTILES}
         figures["quantile_error"] = self.quantile_error()
-        keys = {"time": np.repeat(self.times, len(names)), "species": list(names) * self.times.size}
-        return pandas.DataFrame(keys | {name: values.ravel() for name, values in figures.items()})
+        return dataframe_over_times(self.times, "species", self.network.species, figures)
 
     def to_xarray(self) -> xr.Dataset:
         """The statistics, with dimensions time and species, and of the quantiles q."""
@@ -383,8 +378,9 @@ class Tally:
         if not self.runs:
             raise ValueError("no runs were added, so there are no statistics; add some first")
         arrays = self.low, self.high, self.shift, self.origin, self.histogram, self.sums, self.products, self.pairs
-        made = EnsembleStatistics(self.network, self.times, self.runs, asked, *map(read_only, arrays))
-        return replace(made, method=method)
+        for array in arrays:
+            read_only(array)
+        return EnsembleStatistics(self.network, self.times, self.runs, asked, *arrays, method)
 
 
 def bins_for(n_times: int, n_species: int) -> int:

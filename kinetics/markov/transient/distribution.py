@@ -11,8 +11,7 @@ import numpy as np
 from kinetics.markov.transient.states import StateSpace
 from kinetics.network import Network
 from kinetics.support.arrays import Counts, Floats, read_only
-from kinetics.support.datasets import dataset
-from kinetics.support.extras import extra
+from kinetics.support.datasets import dataframe_over_times, dataset
 from kinetics.support.shown import ResultTable, Shown, Tabular, means_over_time, on_axes
 
 if TYPE_CHECKING:
@@ -149,17 +148,8 @@ class Distribution(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species: mean and standard deviation of the counts."""
-        pandas = extra("pandas")
-
-        names = self.network.species
-        return pandas.DataFrame(
-            {
-                "time": np.repeat(self.times, len(names)),
-                "species": list(names) * self.times.size,
-                "mean": self.mean().ravel(),
-                "sd": self.sd().ravel(),
-            }
-        )
+        figures = {"mean": self.mean(), "sd": self.sd()}
+        return dataframe_over_times(self.times, "species", self.network.species, figures)
 
     def to_xarray(self) -> xr.Dataset:
         """Mean, its bounds, and sd, with dimensions time and species; the probability of each number of copies."""
