@@ -33,6 +33,7 @@
 
 # %%
 import json
+from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
 
@@ -267,9 +268,12 @@ times = np.linspace(0.0, 2000.0, 41)
 predicted, control = (
     ComparedSizes(
         tuple(
-            crossvalidate(
-                network, these, runs, times, "quadmer", label, seed=plan.held_out.seed, number=number,
-                groups=299, most_groups=299, exact_states=20_000,
+            replace(
+                crossvalidate(
+                    these, runs, times, "quadmer", seed=plan.held_out.seed, number=number,
+                    groups=299, most_groups=299, exact_states=20_000,
+                ),
+                label=label,
             )
             for number, (label, runs) in enumerate(zip(labels, held_out, strict=True))
             if len(runs) > 1

@@ -104,7 +104,7 @@ def one_run_results():
         yield BreakComparison.asked_for("auto", runs)
     rates = estimate(paths).rates()
     yield predict(pair, rates, start, [end], runs=1, seed=1, draws=2)
-    yield crossvalidate(pair, rates, paths, times=[end], groups=40, most_groups=40)
+    yield crossvalidate(rates, paths, times=[end], groups=40, most_groups=40)
     yield compare_first_times(pair, paths, "AB")
     still = Network.from_text("A -> B, 0")
     yield first_passage(still, {"A": 1}, "B")

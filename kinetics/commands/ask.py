@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from kinetics.commands.models import applied, described, instead_of_many_states
+from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.options import (
     HeadedCommand,
     ModelOptions,
@@ -46,14 +47,7 @@ INSTEAD = (
     help="Stop the chain of a network where this holds, and do not explore what lies beyond.",
 )
 @truncate_option
-@click.option(
-    "--max-states",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=1_000_000,
-    show_default=True,
-    help="Refuse a network that can reach more states.",
-)
+@count_option("--max-states", default=1_000_000, help="Refuse a network that can reach more states.")
 @click.option(
     "--out",
     "out_file",

@@ -12,6 +12,7 @@ from kinetics.runs.truncation import TruncatedRunsError, Truncation
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
     NumbersCommand,
@@ -42,25 +43,12 @@ FRAMES = 8  # of a strip
 
 @click.command(cls=NumbersCommand)
 @click.argument("book", shell_complete=shipped("book"))
-@click.option(
-    "--cubes",
-    metavar="N",
-    type=click.IntRange(min=1),
-    required=True,
-    help="Number of free cubes at time 0, not counting the seed.",
-)
-@click.option(
-    "--seeds",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="Number of seeds at time 0, for a book that grows from a seed.  [default: 1]",
-)
+@count_option("--cubes", required=True, help="Number of free cubes at time 0, not counting the seed.")
+@count_option("--seeds", help="Number of seeds at time 0, for a book that grows from a seed.  [default: 1]")
 @click.option("--rates", "rates_file", metavar="FILE", help="Rates by class: a .toml file.")
-@click.option(
+@count_option(
     "--posterior-draws",
     "draws",
-    metavar="N",
-    type=click.IntRange(min=1),
     help="With --rates: spread the runs over so many draws of the rates from their evidence.  [default: none]",
 )
 @click.option(
@@ -78,15 +66,10 @@ FRAMES = 8  # of a strip
 )
 @click.option("--duration", metavar="T", type=float, help="Simulated time, tu.  [default: 2000]")
 @click.option("--times", type=float, multiple=True, metavar="T ...", help="Report at these times instead, tu.")
-@click.option(
-    "--runs", metavar="N", type=click.IntRange(min=1), default=20, show_default=True, help="Number of independent runs."
-)
-@click.option(
+@count_option("--runs", default=20, help="Number of independent runs.")
+@count_option(
     "--max-events",
-    metavar="N",
-    type=click.IntRange(min=1),
     default=MAX_EVENTS,
-    show_default=True,
     help="Most events of a run. Where one would come to more, figures end before it.",
 )
 @click.option(

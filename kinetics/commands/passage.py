@@ -12,6 +12,7 @@ import numpy as np
 from kinetics.commands.models import applied, conditions, described, instead_of_many_states, remarks
 from kinetics.network.sums import Counted, in_words, summed
 from kinetics.support.answer import CONFIDENCE, Answer, kind_of
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import (
     HEADING,
     RULES,
@@ -48,30 +49,15 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 @click.option(
     "--species", metavar="SPECIES", required=True, help="The species to wait for, or an observable of the network file."
 )
-@click.option(
-    "--copies",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Number of its copies to wait for.",
-)
+@count_option("--copies", default=1, help="Number of its copies to wait for.")
 @heading(RULES)
-@click.option(
+@default_option(
     "--method",
     type=click.Choice(["solve", "ssa"]),
     default="solve",
-    show_default=True,
     help="Solve for the time, or sample it: for networks of any size.",
 )
-@click.option(
-    "--runs",
-    metavar="N",
-    type=click.IntRange(min=2),
-    default=1000,
-    show_default=True,
-    help="Number of independent runs that are sampled.",
-)
+@count_option("--runs", least=2, default=1000, help="Number of independent runs that are sampled.")
 @click.option(
     "--horizon",
     metavar="TIME",
@@ -79,13 +65,11 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     default=np.inf,
     help="Time at which a sampled run ends at the latest.  [default: when nothing can happen any more]",
 )
-@click.option(
+@count_option(
     "--posterior-draws",
     "draws",
-    metavar="N",
-    type=click.IntRange(min=2),
+    least=2,
     default=100,
-    show_default=True,
     help="Number of draws of the rates from which the interval is made.",
 )
 @heading(HEADING)

@@ -16,7 +16,7 @@ UNJUDGED = 2
 
 EMPTY = -1
 OUTSIDE = -2
-ALL_AT_ONCE = 2**25  # bytes; as in `native.twins`
+ALL_AT_ONCE = 2**25  # bytes; as in `native.state_tables`
 MIX = np.uint64(0x9E3779B97F4A7C15)
 
 

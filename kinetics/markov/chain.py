@@ -28,6 +28,7 @@ from kinetics.network import Model, Network
 from kinetics.network.predicates import StateNames
 from kinetics.support.answer import Answer, weakest
 from kinetics.support.arrays import Counts, Floats, some_times
+from kinetics.support.frozen import set_fields
 from kinetics.support.tables import counted
 
 Target = str | ArrayLike  # a condition on counts and labels as text, or truths (N,)
@@ -69,8 +70,7 @@ class Chain:
     space: StateSpace | None = None
 
     def __post_init__(self) -> None:
-        for name, value in checked_parts(vars(self)).items():
-            object.__setattr__(self, name, value)
+        set_fields(self, **checked_parts(vars(self)))
 
     @classmethod
     def of(

@@ -15,6 +15,7 @@ from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Placement, Structure
 from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
 from kinetics.support.datasets import dataframe
+from kinetics.support.frozen import set_fields
 from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, on_axes, over_time
 
 if TYPE_CHECKING:
@@ -55,14 +56,17 @@ class Growth(Shown, Tabular):
 
     def __post_init__(self) -> None:
         n, events = len(self.structures), len(self.times)
-        object.__setattr__(self, "initial", integers("initial", self.initial, (n,), 0))
-        object.__setattr__(self, "times", rising_times(self.times, strictly=False))
-        object.__setattr__(self, "end", float(reals("end", self.end, (), minimum=0)))
-        for name in ("before", "after"):
-            indices = integers(name, getattr(self, name), (events, 2), NOTHING)
+        set_fields(
+            self,
+            initial=integers("initial", self.initial, (n,), 0),
+            times=rising_times(self.times, strictly=False),
+            end=float(reals("end", self.end, (), minimum=0)),
+            before=integers("before", self.before, (events, 2), NOTHING),
+            after=integers("after", self.after, (events, 2), NOTHING),
+        )
+        for name, indices in (("before", self.before), ("after", self.after)):
             if indices.size and indices.max() >= n:
                 raise ValueError(f"{name} holds {indices.max()}; there are only {n} structures")
-            object.__setattr__(self, name, indices)
         if events and self.times[-1] > self.end:
             raise ValueError(f"an event at {self.times[-1]:g} comes after the end, {self.end:g}")
         sizes = np.append(self.sizes, 0)  # NOTHING = -1 picks the last
@@ -134,7 +138,7 @@ class Growth(Shown, Tabular):
             return np.zeros(grid.size, dtype=np.int64)
         events, sides, changes = self._changes
         mine = sides == index
-        copies = np.append(0, np.cumsum(changes[mine])) + self.initial[index]
+        copies = np.append(0, np.cumsum(changes[mine])) + int(self.initial[index])
         return copies[np.searchsorted(self.times[events[mine]], grid, side="right")]
 
     def by_size(self, times: ArrayLike, most: int | None = None) -> Ints:
@@ -170,7 +174,7 @@ class Growth(Shown, Tabular):
         made = np.append(self.sizes, 0)[self.after].max(axis=1)  # NOTHING = -1 picks the last
         record = np.maximum.accumulate(np.append(self.sizes[self.initial > 0].max(), made))
         outgrown = np.append(0.0, self.times)[np.append(True, np.diff(record) > 0)]
-        return outgrown[np.unique(np.linspace(0, outgrown.size - 1, n).round().astype(int))]
+        return outgrown[np.unique(np.rint(np.linspace(0, outgrown.size - 1, n)).astype(np.int64))]
 
     def frames(self, times: ArrayLike) -> list[Structure]:
         """The largest structure at each of the times, tu, oriented so that the cubes it keeps stay in place."""
@@ -282,7 +286,7 @@ class Growths(Shown):
     def largest(self, times: ArrayLike) -> Ints:
         """Cubes (runs, T) of the largest structure at times (T,), tu."""
         present = self.by_size(times)[..., ::-1] > 0
-        return self.most - np.argmax(present, axis=-1)
+        return np.asarray(self.most - present.argmax(axis=-1))
 
     def first_times(self, structure: Structure) -> Floats:
         """Times (runs,) in tu at which such a structure first formed; nan if none did by the end."""
@@ -363,4 +367,4 @@ def _class_name(low: int, high: int) -> str:
 
 def _quantile(values: Ints, q: float) -> Floats:
     """Smallest counts (T,) with at least a share q of the runs at or below them."""
-    return np.quantile(values.astype(float), q, axis=0, method="inverted_cdf")
+    return np.quantile(values.astype(np.float64), q, axis=0, method="inverted_cdf")

@@ -99,12 +99,7 @@ class RecomputingSampler:
         """Fill `out` (runs, T, S) as far as the watch needs it."""
         work = ensemble_work(initial.size)
         stopping = watch.stop_of(first_run, len(out), self.merging.leaders)
-
-        def go_on(limits: Ints, most: int) -> int:
-            return twins.direct(
-                self.model, self.changes, work, initial, grid, key, first_run, limits, out, most, *stopping
-            )
-
+        go_on = twins.direct(self.model, self.changes, work, initial, grid, key, first_run, out, stopping)
         in_turn(watch, first_run, work.notes, work.clock, work.counts[:-1], go_on)
 
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:

@@ -98,15 +98,13 @@ class LockstepSampler:
             return
         lanes, is_odd = Lanes(self.model, self.changes), np.zeros(len(out), dtype=bool)
         here, stopping = lanes.arrays, watch.stop_of(first_run, len(out), self.merging.leaders)
+        go_on = twins.lockstep(self.model, self.changes, lanes, initial, grid, key, first_run, out, is_odd, stopping)
         n_active, first_look = 1, watch.first_look
         while n_active:
             until = here["looks"][: here["notes"][0]].min(initial=here["notes"][2] + first_look)
             most = min(max(1, watch.most_events // min(LANES, len(out))), int(until - here["notes"][2]))
             began = perf_counter()
-            twins.lockstep(
-                self.model, self.changes, lanes, initial, grid, key, first_run, watch.limits(first_run), out, is_odd,
-                most, *stopping,
-            )  # fmt: skip
+            go_on(watch.limits(first_run), most)
             n_active = int(here["notes"][0])
             unfinished = here["run"][:n_active].min(initial=len(out))
             watch.complete[first_run] = int(np.flatnonzero(is_odd).min(initial=unfinished))

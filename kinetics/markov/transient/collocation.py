@@ -140,11 +140,13 @@ class CollocationPlan(NamedTuple):
         # At worst, for one factorisation; then what it is, which may be far less.
         advice = "start from fewer copies, or sample with the direct method"
         check_memory(f"the factors of {n} states", 20.0 * (n + 2.0 * float(widths.sum())), advice)
-        if MULTIPLY * float(widths @ widths) > max_seconds:
+        at_worst = MULTIPLY * float(widths @ widths)
+        if at_worst > max_seconds:
             raise ValueError(
-                f"{n} states, up to {widths.max():.0f} apart, may take {MULTIPLY * float(widths @ widths):.3g} s to "
-                f"factorise once; max_seconds = {max_seconds:g}; raise it, {advice}"
+                f"{n} states, up to {widths.max():.0f} apart, may take {at_worst:.3g} s to factorise once; "
+                f"max_seconds = {max_seconds:g}; raise it, {advice}"
             )
+        forecast(at_worst, f"at most, to factorise {n} states once, from which the rest is forecast")
         lower, upper = fill(generator.T[order][:, order])
         multiplications, numbers = float(lower @ upper), float(lower.sum() + upper.sum())
 

@@ -19,14 +19,15 @@ ANSWER_WITHIN = 10  # s, for a scheduler
 
 
 @contextmanager
-def executor_of(workers: int, scheduler: str | None) -> Iterator[Executor | None]:
+def executor_of(workers: int | str) -> Iterator[Executor | None]:
     """An executor for points; None where this process makes them itself. Whatever is not done at the end is dropped.
 
+    workers : number of processes, or the address of a Dask scheduler
     OSError: no scheduler answers at the address. ChildProcessError: a worker ended before it had answered.
     """
     end_while_loading()
-    if scheduler is not None:
-        client = _client(scheduler)
+    if isinstance(workers, str):
+        client = _client(workers)
         try:
             yield client.get_executor(pure=False)
         finally:

@@ -215,9 +215,14 @@ def test_a_control_that_must_fail(monkeypatch):
     made = twins.direct
 
     def forgets(model, changes, work, *rest):
-        outcome = made(model, changes, work, *rest)
-        work.stream[0] ^= np.uint64(outcome == outcomes.UNFINISHED)
-        return outcome
+        go_on = made(model, changes, work, *rest)
+
+        def forgetting(limits, most):
+            outcome = go_on(limits, most)
+            work.stream[0] ^= np.uint64(outcome == outcomes.UNFINISHED)
+            return outcome
+
+        return forgetting
 
     monkeypatch.setattr(twins, "direct", forgets)
     assert (simulate(net, "ssa", initial, [end], runs=20, seed=3).counts != expected).any()
