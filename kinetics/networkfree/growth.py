@@ -173,7 +173,7 @@ class Growth(Shown, Tabular):
         """At most n times, tu, at which the largest structure grew beyond all before, the first and last included."""
         made = np.append(self.sizes, 0)[self.after].max(axis=1)  # NOTHING = -1 picks the last
         record = np.maximum.accumulate(np.append(self.sizes[self.initial > 0].max(), made))
-        outgrown = np.append(0.0, self.times)[np.append(True, np.diff(record) > 0)]
+        outgrown: Floats = np.append(0.0, self.times)[np.append(True, np.diff(record) > 0)]
         return outgrown[np.unique(np.rint(np.linspace(0, outgrown.size - 1, n)).astype(np.int64))]
 
     def frames(self, times: ArrayLike) -> list[Structure]:

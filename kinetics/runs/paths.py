@@ -5,6 +5,7 @@ Simulated and mechanical runs give the same records, so that a reader need not k
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property

@@ -6,6 +6,7 @@ statistics of a set of runs do not depend on the blocks in which they came, on t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -97,7 +98,7 @@ class EnsembleStatistics(Shown, Tabular):
 
     def mean(self) -> Floats:
         """Mean counts (T, S), rounded once."""
-        return (self.sums / self.runs).astype(float)
+        return np.asarray(self.sums / self.runs, dtype=np.float64)
 
     def variance(self) -> Floats:
         """Variance (T, S) among the runs, with runs - 1, rounded once; nan for a single run."""
@@ -109,7 +110,7 @@ class EnsembleStatistics(Shown, Tabular):
 
     def standard_error(self) -> Floats:
         """Standard error (T, S) of the mean; nan for a single run."""
-        return self.sd() / np.sqrt(self.runs)
+        return self.sd() / math.sqrt(self.runs)
 
     def covariance(self) -> Floats:
         """Covariances (T, S, S) of the species at each time, with runs - 1, rounded once; nan for a single run."""
@@ -138,7 +139,7 @@ class EnsembleStatistics(Shown, Tabular):
         n_used = int(((self.high >> self.shift) - self.origin).max()) + 1
         bins = self.origin + (self.histogram[:, :, :n_used].cumsum(axis=2) < rank).sum(axis=2)
         middle = (bins << self.shift) + ((1 << self.shift) - 1) // 2
-        return np.clip(middle, self.low, self.high).astype(float)
+        return np.asarray(np.clip(middle, self.low, self.high), dtype=np.float64)
 
     def quantile_error(self) -> Ints:
         """Largest error of a quantile, counts (T, S): 0 if bins are one count wide, else half their width."""
@@ -344,7 +345,8 @@ def bins_for(n_times: int, n_species: int) -> int:
 def covariances_of(runs: int, sums: Exact, products: Exact, pairs: NDArray[np.intp]) -> Floats:
     """Covariances (T, K) of pairs (2, K) of species among the runs, with runs - 1, rounded once."""
     first, second = pairs
-    return ((runs * products - sums[:, first] * sums[:, second]) / (runs * (runs - 1))).astype(float)
+    whole = runs * products - sums[:, first] * sums[:, second]
+    return np.asarray(whole / (runs * (runs - 1)), dtype=np.float64)
 
 
 def kept_pairs(n_species: int, covariances: bool | None = None) -> NDArray[np.intp]:

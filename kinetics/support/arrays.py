@@ -91,6 +91,13 @@ def read_only(array: Array) -> Array:
     return array
 
 
+def divided(numbers: ArrayLike, by: ArrayLike, otherwise: float = 0.0) -> Floats:
+    """`numbers` over `by` where that is above 0, else `otherwise`; shapes are broadcast."""
+    found = np.full(np.broadcast_shapes(np.shape(numbers), np.shape(by)), otherwise)
+    np.divide(numbers, by, out=found, where=np.greater(by, 0))
+    return found
+
+
 def _numeric(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[Any]:
     try:
         given = np.array(values)

@@ -174,7 +174,7 @@ class Iteration(Equations):
 
     def _units(self, like: Floats) -> Floats:
         """What flows through each state (n,)."""
-        return self._exits * np.maximum(like, FLOOR * like.max(initial=0.0))
+        return np.asarray(self._exits * np.maximum(like, FLOOR * like.max(initial=0.0)))
 
     def _rest(self, weights: Floats, found: Floats, is_occupation: bool) -> Floats:
         """What a solution leaves of the weights, in plain doubles."""

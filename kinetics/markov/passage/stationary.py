@@ -268,7 +268,7 @@ def _guessed(chain: Transitions) -> Floats:
     table.sum_duplicates()
     logs = np.empty(chain.size)
     balance.balanced(table.indptr, table.indices, table.data, chain.exits, logs)
-    return np.exp(np.maximum(logs - logs.max(), LOWEST))
+    return np.exp(np.maximum(logs - float(logs.max()), LOWEST))
 
 
 def _by_factors(chain: Transitions) -> tuple[Floats, float]:

@@ -88,7 +88,7 @@ class Distribution(Shown, Tabular):
         """Standard deviations (T, S) of the counts."""
         columns = zip(self.space.states.T, self.mean().T, strict=True)
         # About the mean: the difference of two large squares would lose the small variances.
-        variances = [((x - mean[:, None]) ** 2 * self.probabilities).sum(axis=1) for x, mean in columns]
+        variances: list[Floats] = [((x - mean[:, None]) ** 2 * self.probabilities).sum(axis=1) for x, mean in columns]
         return np.sqrt(np.stack(variances, axis=1))
 
     def covariance(self) -> Floats:
@@ -127,7 +127,7 @@ class Distribution(Shown, Tabular):
         >>> found.probability({"A": 1}).round(6).tolist(), found.probability([1, 0]).round(6).tolist()
         ([0.5], [0.0])
         """
-        return self.probabilities[:, self.space.rows_with(state)].sum(axis=1)
+        return np.asarray(self.probabilities[:, self.space.rows_with(state)].sum(axis=1))
 
     def probability_bounds(self, state: Counts) -> tuple[Floats, Floats]:
         """Lower and upper bounds of the probability (T,) of these counts, as `probability` reads them."""
@@ -144,7 +144,7 @@ class Distribution(Shown, Tabular):
         for species in self.network.species:
             below = np.cumsum(self.marginal(species), axis=1)
             columns.append((below < q - self.error - SLACK).sum(axis=1))
-        return np.minimum(np.stack(columns, axis=1), self.space.states.max(axis=0)).astype(float)
+        return np.asarray(np.minimum(np.stack(columns, axis=1), self.space.states.max(axis=0)), dtype=np.float64)
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species: mean and standard deviation of the counts."""

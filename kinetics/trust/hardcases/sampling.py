@@ -38,7 +38,7 @@ def _large_counts() -> Iterator[Attempt]:
         net = network({"turn": ({"X": 1}, {"Y": 1}, 20.0 / start)})
         counts = method.simulate(net, [start, 0], [1.0], runs=50, seed=2).counts[:, 0]
         # 50 Poisson numbers of mean 20: their mean is 20 +- 4 except for a chance of 1e-9
-        return float(abs(counts.sum(axis=1) - start).max()) + max(0.0, abs(counts[:, 1].mean() - 20.0) - 4.0)
+        return float(abs(counts.sum(axis=1) - start).max()) + max(0.0, abs(float(counts[:, 1].mean()) - 20.0) - 4.0)
 
     def missed(start: int) -> float:
         net = network({"turn": ({"X": 1}, {"Y": 1}, 20.0 / start)})
