@@ -35,7 +35,7 @@ TIMES = 101  # at which distributions are compared
     metavar="MINUTES",
     type=POSITIVE,
     default=20.0,
-    help="CPU time allowed, minutes; the most expensive settings are skipped where they would exceed it.",
+    help="CPU time allowed, minutes; the most expensive settings are skipped if they would exceed it.",
 )
 @csv_option
 @plot_option

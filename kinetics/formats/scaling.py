@@ -42,8 +42,8 @@ def model_of(
     if off and copies_per_unit is None:
         more = f" and so do {len(off) - 1} more" if len(off) > 1 else ""
         raise ValueError(
-            f"{path}: {off[0]!r} starts from {counts[off[0]]:g}{more}, which is no whole number of copies; say how "
-            f"many copies one unit of amount is, as by --copies-per-unit 1e6 or read(path, copies_per_unit=1e6)"
+            f"{path}: {off[0]!r} starts from {counts[off[0]]:g}{more}, which is not a whole number of copies; state "
+            f"the copies in one unit of amount, as by --copies-per-unit 1e6 or read(path, copies_per_unit=1e6)"
         )
     if off:
         more = f" and {len(off) - 1} more" if len(off) > 1 else ""

@@ -75,7 +75,7 @@ class AllStates(SolvedWay):
         if is_endless(job.model.network):
             self.cost = self.cost._replace(remark="infinitely many states")
             return
-        job.report(f"listing up to {most} states")
+        job.report(f"enumerating up to {most} states")
         try:
             space = reachable(job.model.network, job.model.initial, max_states=most)
         except ValueError as refusal:

@@ -118,8 +118,8 @@ class EnsembleStatistics(Shown, Tabular):
         first, second = self.pairs
         if first.size < n_species * (n_species + 1) // 2:
             raise ValueError(
-                f"the network has {n_species} species; covariances are kept by themselves for up to {MOST_COVARIED}: "
-                "ask for them when the runs are made, by covariances=True"
+                f"the network has {n_species} species; covariances are kept by default for up to {MOST_COVARIED}: "
+                f"request them when the runs are made, by covariances=True"
             )
         table = np.empty((self.times.size, n_species, n_species))
         table[:, first, second] = table[:, second, first] = self._covariances(np.arange(first.size))
@@ -151,7 +151,7 @@ class EnsembleStatistics(Shown, Tabular):
         if self.shift[:, s].any():
             raise ValueError(
                 f"counts of {species!r} spread from {self.low[:, s].min()} to {self.high[:, s].max()}; they were "
-                f"gathered in bins of up to {2 ** int(self.shift[:, s].max())}: ask for `marginal_at` a time"
+                f"collected in bins of up to {2 ** int(self.shift[:, s].max())}: ask for `marginal_at` a time"
             )
         table = np.zeros((self.times.size, int(self.high[:, s].max()) + 1))
         for row, first, tally in zip(table, self.origin[:, s], self.histogram[:, s], strict=True):
@@ -180,7 +180,7 @@ class EnsembleStatistics(Shown, Tabular):
         if not np.array_equal(self.times, other.times):
             raise ValueError("these are statistics at different times; merge those of one grid")
         if self.pairs.shape != other.pairs.shape:
-            raise ValueError("covariances were asked for in only one of these; ask for them in both or in neither")
+            raise ValueError("only one of these has covariances; request them in both or in neither")
         tally = Tally(self.network, self.times, self.pairs)
         tally.add_statistics(self)
         tally.add_statistics(other)

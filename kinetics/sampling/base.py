@@ -120,7 +120,9 @@ class SamplingMethod(ABC):
     def stopping(self, network: Network) -> SamplingMethod:  # noqa: ARG002
         """The method for runs that end at a condition: itself, or the one it chooses; a ValueError if there is none."""
         if not self.takes_until:
-            raise ValueError(f"the method {self.name!r} takes no condition at which runs end (until): use 'auto'")
+            raise ValueError(
+                f"the method {self.name!r} does not support a condition that ends runs (until): use 'auto'"
+            )
         return self
 
     def source(

@@ -130,7 +130,7 @@ def path_method(network: Network) -> SamplingMethod:
         if not refusal:
             return method
         refusals.append(refusal)
-    raise ValueError(f"no exact method takes this network: {'; '.join(dict.fromkeys(refusals))}")
+    raise ValueError(f"no exact method supports this network: {'; '.join(dict.fromkeys(refusals))}")
 
 
 def sampling_method(method: SamplingMethod | str) -> SamplingMethod:

@@ -110,7 +110,7 @@ def test_weights_by_size_are_those_of_any_network(law):
     for shape in shapes(law):
         sizes = LINE.conserved["cubes"] if "cubes" in LINE.conserved else np.arange(1, 5)
         if type(law).by_size is BreakModel.by_size:
-            with pytest.raises(ValueError, match="by species, which books do not share"):
+            with pytest.raises(ValueError, match="by species, which differ between books"):
                 law.by_size(sizes, shape)
             return
         bodies, wall, alone = law.by_size(sizes, shape)

@@ -323,7 +323,7 @@ def plain_name(graph: Graph, name: str) -> int:
     if name in FUNCTIONS:
         raise ValueError(f"{name!r} is a function; expected arguments after it")
     if keyword.iskeyword(name):
-        raise ValueError(f"{name!r} is no name here; one that a species has is quoted")
+        raise ValueError(f"{name!r} is not a name here; quote it if it is a species")
     return graph.name(name)
 
 

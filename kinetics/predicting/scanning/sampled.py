@@ -26,7 +26,7 @@ Sampling = AtTime | Decided | Along
 
 LEVEL = 0.95
 MOST_EVENTS = 10**7  # of a path whose total is asked for
-LASTS = "it has no end in time; ask within a time, as in F<=100 or C<=100, or let more states be listed"
+LASTS = "it has no time bound; give one, as in F<=100 or C<=100, or allow more states"
 
 
 def check_ends(text: str, question: Question) -> None:
@@ -111,7 +111,7 @@ def _along(model: Model, asked: Along, runs: int, seed: int) -> tuple[list[Float
     totals = np.empty(runs)
     for i, path in enumerate(islice(paths, runs)):
         if asked.end is None and path.end == last:
-            raise ValueError(f"run {i} ends where {asked.stop} can never hold: the mean is infinite")
+            raise ValueError(f"run {i} ends in a state from which {asked.stop} can never hold: the mean is infinite")
         entered, left = np.append(0.0, path.times), np.append(path.times, path.end)
         totals[i] = asked.value(model, entered, left, path.states)
     return [totals], method.name

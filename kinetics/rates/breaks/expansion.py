@@ -74,8 +74,8 @@ class Expansion:
             raise ValueError(f"break model {model.name!r} takes mass action only; this network has rate laws or events")
         if base.combinations == "product":
             raise ValueError(
-                f"break model {model.name!r} counts pairs of like bodies, which the convention 'product' does not; "
-                "use rates with combinations = 'distinct'"
+                f"break model {model.name!r} counts pairs of like bodies, unlike the convention 'product'; use "
+                f"rates with combinations = 'distinct'"
             )
         if WALL in partners and WALL in base.species:
             raise ValueError(f"break model {model.name!r} calls the wall of the tank {WALL!r}; rename that species")
@@ -124,7 +124,7 @@ class Expansion:
         if there is None or here == there:
             return np.ones(self.base_of.size)
         if here is None:
-            raise ValueError(f"rates for a tank of {there} are asked for, but these rates do not state their tank")
+            raise ValueError(f"rates were requested for a tank of {there}, but these rates do not state their tank")
         order = _totals(self.network.sparse_reactants)
         own = np.zeros(order.size) if self.base.rate_constants is None else self.base.rate_constants[self.base_of]
         with np.errstate(all="ignore"):

@@ -38,7 +38,7 @@ budget_option = default_option(
     metavar="MINUTES",
     type=POSITIVE,
     default=BUDGET,
-    help="CPU time allowed; work that is forecast to take more is refused before it starts.",
+    help="CPU time allowed; work forecast to take more is refused before it starts.",
 )
 
 truncate_option = click.option(
@@ -297,7 +297,7 @@ def model_options(command: Callable[..., None]) -> Any:
             metavar="NAME=VALUE",
             multiple=True,
             callback=_values,
-            help="Give a parameter this value; may be repeated.",
+            help="Set a parameter to this value; may be repeated.",
         ),
         heading(FILES),
         click.option(
@@ -306,7 +306,7 @@ def model_options(command: Callable[..., None]) -> Any:
             metavar="X Y Z",
             nargs=3,
             type=float,
-            help="Edges of the tank; joins become rarer with its volume.  [default: as in the rates]",
+            help="Edge lengths of the tank; rates of joins scale with 1/volume.  [default: as in the rates]",
         ),
         count_option("--cubes", help="Number of single cubes at time 0."),
         click.option(

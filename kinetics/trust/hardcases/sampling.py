@@ -160,7 +160,7 @@ SAMPLING = (
     Case("any grid", "the same seed on two grids: runs that differ", "the same runs", _grids),
     Case(
         "large counts",
-        "20 of 5e9 and 1e15 copies turn: copies lost, and the mean beyond chance",
+        "20 of 5e9 and 1e15 copies convert: copies lost, and the mean beyond chance",
         "conservation",
         _large_counts,
     ),

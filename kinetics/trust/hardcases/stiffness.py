@@ -255,7 +255,7 @@ STIFFNESS = (
     ),
     Case(
         "near-decomposable",
-        "two pairs hardly joined: relative error of the stationary distribution",
+        "two weakly coupled pairs: relative error of the stationary distribution",
         "balance",
         _decomposable,
     ),
@@ -271,7 +271,7 @@ STIFFNESS = (
     Case(
         "two closed classes", "a pair and a trap: relative error of the last probabilities", "closed form", _two_classes
     ),
-    Case("yule", "births without end: summed error", "geometric distribution", _yule),
+    Case("yule", "unbounded births: summed error", "geometric distribution", _yule),
     Case(
         "empty start",
         "births and deaths from nothing on two grids: summed error",

@@ -227,12 +227,12 @@ def test_a_network_file_says_what_can_happen(wellmixed_here, tmp_path, tables, s
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--events", "events.csv", "--runs", 5], "--runs is about mechanics runs, and --events makes none"),
-        (["--events", "events.csv", "--duration", 5], "--duration is about mechanics runs, and --events makes none"),
+        (["--events", "events.csv", "--runs", 5], "--runs applies to mechanics runs, and --events makes none"),
+        (["--events", "events.csv", "--duration", 5], "--duration applies to mechanics runs, and --events makes none"),
         (["--events", "events.csv", "--cubes", 60, 80], "--cubes 60 80: with --events one number, that of the cubes"),
-        (["--events", "events.csv", "--workers", 2], "--workers is about mechanics runs, and --events makes none"),
-        (["--events", "events.csv", "--shard", "1/2"], "--shard is about mechanics runs, and --events makes none"),
-        (["--events", "events.csv", "--seed", 2], "--seed is about mechanics runs, and --events makes none"),
+        (["--events", "events.csv", "--workers", 2], "--workers applies to mechanics runs, and --events makes none"),
+        (["--events", "events.csv", "--shard", "1/2"], "--shard applies to mechanics runs, and --events makes none"),
+        (["--events", "events.csv", "--seed", 2], "--seed applies to mechanics runs, and --events makes none"),
         (
             ["--run-table", "runs.csv"],
             "--run-table describes observed runs; name their table too, by --events",
