@@ -12,7 +12,7 @@ from kinetics.runs.truncation import TruncatedRunsError, Truncation
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.declared import count_option
+from kinetics.support.cli.declared import count_option, files_option
 from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
     NumbersCommand,
@@ -73,11 +73,9 @@ FRAMES = 8  # of a strip
     default=MAX_EVENTS,
     help="Maximum number of events in a run; results end where a run would exceed it.",
 )
-@click.option(
+@files_option(
     "--strip",
     "strips",
-    metavar="FILE",
-    multiple=True,
     callback=picture_of,
     help="Draw the growth of the first run as a strip of pictures: PNG, PDF or SVG; may be repeated.",
 )

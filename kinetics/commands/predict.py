@@ -13,7 +13,7 @@ from click.core import ParameterSource
 from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.models import conditions, described, instead_of_many_states, remarks, shown_of
 from kinetics.sampling.watch import MAX_EVENTS
-from kinetics.support.cli.declared import count_option, default_option
+from kinetics.support.cli.declared import count_option, default_option, files_option
 from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
     HEADING,
@@ -95,11 +95,9 @@ INSTEAD = (
     is_flag=True,
     help="Report the elasticity of each mean at the last time by each parameter of the rates.",
 )
-@click.option(
+@files_option(
     "--elasticity-plot",
     "elasticity_files",
-    metavar="FILE",
-    multiple=True,
     callback=picture_of,
     help="Write a bar chart of these elasticities to this PNG, PDF or SVG file; may be repeated.",
 )

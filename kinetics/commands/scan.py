@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from kinetics.commands.models import applied, conditions, described, is_network_file, remarks
-from kinetics.support.cli.declared import count_option, default_option
+from kinetics.support.cli.declared import count_option, default_option, files_option
 from kinetics.support.cli.failures import CHECKED, INTERRUPTED, keep
 from kinetics.support.cli.options import (
     HeadedCommand,
@@ -64,11 +64,9 @@ from kinetics.support.output import write_whole
     help="Folder in which points are kept; a point that is already there is not answered again.",
 )
 @csv_option
-@click.option(
+@files_option(
     "--parquet",
     "parquet_files",
-    metavar="FILE",
-    multiple=True,
     callback=table_of("pandas", "pyarrow"),
     help="Write the table to this Parquet file; may be repeated.",
 )
