@@ -10,7 +10,6 @@ import click
 from calibration.commands.plan import asked_of_a_plan
 from calibration.commands.shared import seed_option
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.declared import POSITIVE, count_option, default_option
 from kinetics.support.cli.options import NumbersCommand, echo_json, json_option
 from kinetics.support.cli.progress import progress_line
 
@@ -18,24 +17,27 @@ from kinetics.support.cli.progress import progress_line
 @click.command(cls=NumbersCommand)
 @click.argument("target", shell_complete=shipped("target"))
 @click.argument("folder", required=False)
-@count_option(
+@click.option(
     "--cubes",
-    metavar="N ...",
+    type=click.IntRange(min=1),
     multiple=True,
+    metavar="N ...",
     help="Numbers of cubes of the calibration.  [default: 60 and 120 in a tank of line4's size, more in a larger one]",
 )
-@count_option(
+@click.option(
     "--held-out",
-    metavar="N ...",
+    type=click.IntRange(min=1),
     multiple=True,
+    metavar="N ...",
     help="Numbers of cubes of the held-out runs.  [default: 40, 80 and 160, likewise]",
 )
 @asked_of_a_plan
-@default_option(
+@click.option(
     "--time-limit",
     metavar="SECONDS",
-    type=POSITIVE,
+    type=click.FloatRange(min=0, min_open=True),
     default=600,
+    show_default=True,
     help="Wall time allowed for the search of a rule book, s.",
 )
 @seed_option(1)

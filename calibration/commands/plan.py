@@ -10,7 +10,6 @@ import click
 
 from calibration.commands.shared import seed_option
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import NumbersCommand, echo_json, in_a_folder, json_option, plot_option
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.cli.study_folder import PLAN, RUNS, SCENE, or_study_folder
@@ -42,25 +41,28 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
     decorated: Any = command
     for option in reversed(
         (
-            default_option(
+            click.option(
                 "--width",
                 metavar="PERCENT",
                 type=Percentage(),
                 default="10%",
+                show_default=True,
                 help="Half-width of the 95 % interval of every join's rate and of all breaks together.",
             ),
-            default_option(
+            click.option(
                 "--shift",
                 metavar="PERCENT",
                 type=Percentage(),
                 default="20%",
+                show_default=True,
                 help="Error in the rates of joins, or of breaks, that the held-out runs must detect.",
             ),
-            default_option(
+            click.option(
                 "--power",
                 metavar="PERCENT",
                 type=Percentage(),
                 default="90%",
+                show_default=True,
                 help="Probability with which they must detect it, at level 1 %.",
             ),
             click.option(
@@ -69,19 +71,30 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
                 type=click.FloatRange(min=0, min_open=True),
                 help="CPU time for all runs of the plan, hours.  [default: as much as it takes]",
             ),
-            default_option(
+            click.option(
                 "--along",
-                metavar="T ...",
                 type=click.FloatRange(min=0),
                 multiple=True,
                 default=(0.0, 50.0, 200.0, 800.0, 2000.0),
+                show_default=True,
+                metavar="T ...",
                 help="Times on the predicted path from which tanks may be taken, tu.",
             ),
-            default_option(
-                "--duration", metavar="T", type=float, default=500.0, help="Length of a calibration run, tu."
+            click.option(
+                "--duration",
+                metavar="T",
+                type=float,
+                default=500.0,
+                show_default=True,
+                help="Length of a calibration run, tu.",
             ),
-            default_option(
-                "--held-out-duration", metavar="T", type=float, default=2000.0, help="Length of a held-out run, tu."
+            click.option(
+                "--held-out-duration",
+                metavar="T",
+                type=float,
+                default=2000.0,
+                show_default=True,
+                help="Length of a held-out run, tu.",
             ),
         )
     ):
@@ -112,19 +125,34 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
     shell_complete=shipped("rates"),
     help="Pilot rates, for predicting the path.  [default: from short pilot runs of the mechanics]",
 )
-@count_option("--cubes", metavar="N ...", multiple=True, default=(60, 120), help="Numbers of cubes of the calibration.")
+@click.option(
+    "--cubes",
+    type=click.IntRange(min=1),
+    multiple=True,
+    default=(60, 120),
+    show_default=True,
+    metavar="N ...",
+    help="Numbers of cubes of the calibration.",
+)
 @click.option("--each-break", is_flag=True, help="Reach the width for each break, not only for all of them together.")
-@count_option(
-    "--held-out", metavar="N ...", multiple=True, default=(40, 80, 160), help="Numbers of cubes of the held-out runs."
+@click.option(
+    "--held-out",
+    type=click.IntRange(min=1),
+    multiple=True,
+    default=(40, 80, 160),
+    show_default=True,
+    metavar="N ...",
+    help="Numbers of cubes of the held-out runs.",
 )
 @click.option(
     "--tank", metavar="X Y Z", type=float, nargs=3, help="Edge lengths of the tank of all runs.  [default: the scene's]"
 )
-@default_option(
+@click.option(
     "--pilot-time",
     metavar="T",
     type=float,
     default=500.0,
+    show_default=True,
     help="Length of a pilot run, tu; there are four at each number of cubes.",
 )
 @click.option("--strict", is_flag=True, help="Exit with code 2 if the plan falls short of the request.")

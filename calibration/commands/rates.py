@@ -9,7 +9,6 @@ import click
 
 from calibration.commands.shared import seed_option
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import echo_json, json_option
 from kinetics.support.output import write_whole
 from kinetics.support.tables import columns, csv_text, rounded
@@ -22,7 +21,12 @@ SHOWN = 3  # channels drawn, those with the most events
 
 @click.command()
 @click.argument("study", shell_complete=shipped("study"))
-@count_option("--runs", help="Largest number of runs used at each point.  [default: the study's]")
+@click.option(
+    "--runs",
+    metavar="N",
+    type=click.IntRange(min=1),
+    help="Largest number of runs used at each point.  [default: the study's]",
+)
 @click.option(
     "--points",
     "choices",
@@ -30,11 +34,12 @@ SHOWN = 3  # channels drawn, those with the most events
     metavar="FACTOR=LEVEL,...",
     help="Use only the points with these levels; may be repeated, once for each factor.",
 )
-@default_option(
+@click.option(
     "--runs-folder",
+    default="runs",
+    show_default=True,
     metavar="FOLDER",
     type=click.Path(exists=True, file_okay=False),
-    default="runs",
     help="Folder in which the runs of the study are kept.",
 )
 @click.option(
