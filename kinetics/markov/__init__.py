@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from kinetics.markov.paths import ChainPath, chain_path, chain_path_to
     from kinetics.markov.prism_model import prism_text
     from kinetics.markov.questions import ask
-    from kinetics.markov.sensitivity import Sensitivity, passage_sensitivity, sensitivity_to
+    from kinetics.markov.sensitivity import Sensitivity, sensitivity_to
 
 _HOMES = {
     "kinetics.markov.chain": ("Chain",),
@@ -26,7 +26,7 @@ _HOMES = {
     "kinetics.markov.paths": ("ChainPath", "chain_path", "chain_path_to"),
     "kinetics.markov.prism_model": ("prism_text",),
     "kinetics.markov.questions": ("ask",),
-    "kinetics.markov.sensitivity": ("Sensitivity", "passage_sensitivity", "sensitivity_to"),
+    "kinetics.markov.sensitivity": ("Sensitivity", "sensitivity_to"),
 }
 
 __all__ = [
@@ -40,7 +40,6 @@ __all__ = [
     "chain_path_to",
     "committor",
     "first_passage",
-    "passage_sensitivity",
     "prism_text",
     "read_explicit",
     "sensitivity_to",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.markov import Chain, Sensitivity, passage_sensitivity
+from kinetics.markov import Chain, Sensitivity, sensitivity_to
 from kinetics.network import Model, Network, Tank
 from kinetics.predicting.over_draws import DrawMeans
 from kinetics.rates import BookRates, Rates, RatesPosterior
@@ -200,7 +200,8 @@ def passage_elasticities(
     given = Model.of(model, initial)
 
     def solved(network: Network) -> Gradients:
-        found = passage_sensitivity(network, given.initial, species, copies)
+        asked, goal = sensitivity_to(network, given.initial, species, copies)
+        found = asked.passage(goal)
         return np.array([found.answer.value]), found.value[:, None]
 
     return exact_elasticities(rates.posterior(given.network, tank), solved)
