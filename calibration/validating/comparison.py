@@ -104,7 +104,7 @@ class CrossValidation(Shown):
     @property
     def headline(self) -> str:
         """Of what, and how many runs beside how many predicted groups."""
-        return f"{self.name}: {self.runs} held-out runs beside {self.groups} predicted groups of as many"
+        return f"{self.name}: {self.runs} held-out runs, compared with {self.groups} predicted groups of as many"
 
     def summary(self) -> ResultTable:
         """Observed means beside the predicted band at the last time, and the verdict."""
@@ -122,7 +122,7 @@ class CrossValidation(Shown):
 
     @property
     def is_exact(self) -> bool:
-        """Whether the predicted mean is free of sampling error."""
+        """True if the predicted mean is free of sampling error."""
         return bool(np.isfinite(self.cost.exact))
 
     @property
@@ -167,7 +167,7 @@ class CrossValidation(Shown):
 
     @property
     def is_consistent(self) -> bool:
-        """Whether events, their scatter, mean, scores, single runs and first times pass their tests at 1 %."""
+        """True if events, their scatter, mean, scores, single runs and first times pass their tests at 1 %."""
         return self.verdict.is_consistent
 
     def table(self) -> list[dict[str, Any]]:

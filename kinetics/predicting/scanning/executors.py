@@ -42,7 +42,7 @@ def executor_of(workers: int | str) -> Iterator[Executor | None]:
 def results(
     executor: Executor | None, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]
 ) -> Iterator[tuple[int, Any]]:
-    """Number and result of each task, as they come."""
+    """Yield the number and the result of each task, as they come."""
     if executor is None:
         for number, task in enumerate(tasks):
             yield number, work(*task)
@@ -73,7 +73,7 @@ def _processes(workers: int) -> Iterator[Executor]:
         if not isinstance(error, BrokenProcessPool):
             raise
         raise ChildProcessError(
-            "a worker ended before it had answered (killed for want of memory?); points that are done are kept, so "
+            "a worker ended before it had answered (killed for want of memory?); answered points are stored, so "
             "start again with fewer workers"
             if began.is_set()
             else f"workers cannot start; {GUARD}"
