@@ -49,7 +49,7 @@ class Outlook:
         with np.errstate(all="ignore"):
             found: Floats = self.coefficients * np.maximum(padded[:, self.species] - self.taken, 0.0).prod(axis=2)
             for r, program in self.laws:
-                found[:, r] = self.network.ways[r] * self.network.known_rates[r] * evaluate(program, counts, time)  # type: ignore[arg-type]
+                found[:, r] = self.network.ways[r] * self.network.known_rates[r] * evaluate(program, counts, time)
         return found
 
     def largest(self, counts: Ints, time: float) -> tuple[str, float]:

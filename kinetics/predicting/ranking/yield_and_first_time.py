@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -110,9 +111,9 @@ def _exact_passage(model: Model, target: str, end: float, max_states: int) -> li
     except ValueError:
         return None
     chance, cost = reached.value, time.process_time() - began
-    found = {"method": "transient", "cpu_seconds": cost, "why": counted(len(chain), "state")}
+    found: dict[str, Any] = {"method": "transient", "cpu_seconds": cost, "why": counted(len(chain), "state")}
     spread = (max(chance * (1.0 - chance), 0.0)) ** 0.5
-    return [(replace(first, **found), sd), (replace(reached, **found), spread)]  # type: ignore[arg-type]
+    return [(replace(first, **found), sd), (replace(reached, **found), spread)]
 
 
 def first_by(chain: Chain, goal: Mask, horizon: float) -> tuple[Answer, Answer, float]:
