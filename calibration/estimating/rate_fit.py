@@ -217,7 +217,7 @@ class RateFit(Shown):
         terms = self.model.in_terms(path)
         chosen = list(self.likelihood.channels)
         known = np.nan_to_num(self.best.coefficients) * (path.network.ways * path.open_channels)[chosen]
-        return waits[:, None] * sum(k * h[:, chosen] for k, h in zip(known, terms, strict=True))
+        return np.asarray(waits[:, None] * sum(k * h[:, chosen] for k, h in zip(known, terms, strict=True)))
 
     def table(self, level: float = 0.95) -> list[dict[str, Any]]:
         """One row per parameter: estimate, profile-likelihood limits, and the events of a coefficient's channel."""
@@ -338,7 +338,7 @@ def simplest(fits: Sequence[Fit]) -> Fit:
 
 
 def _crossing(spare: Callable[[float], float], best: float, bound: float, step: float) -> float:
-    """Where `spare`, above 0 at `best`, falls through 0 on the way to `bound`; `bound` if it does not."""
+    """The zero of `spare`, which is above 0 at `best`, on the way to `bound`; `bound` if there is none."""
     from scipy.optimize import brentq
 
     inside = best

@@ -24,7 +24,7 @@ from calibration.validating.scores import Counts, central_band
 from kinetics.network import Network, Tank
 from kinetics.rates.breaks import base_channel
 from kinetics.runs import JumpPath
-from kinetics.support.arrays import Floats, Ints
+from kinetics.support.arrays import Floats, Ints, divided
 from kinetics.support.cli.progress import stage
 
 LEVEL = 0.95
@@ -96,9 +96,9 @@ class EventTotals:
     def of(cls, events: Ints, expected: Floats) -> EventTotals:
         """From each run's events and expected events (D, n, G)."""
         seen, total = events.sum(axis=1), expected.sum(axis=1)
-        factor = np.divide(seen, total, out=np.zeros(total.shape), where=total > 0)
+        factor = divided(seen, total)
         fitted = expected * factor[:, None]
-        squares = np.divide((events - fitted) ** 2, fitted, out=np.zeros(fitted.shape), where=fitted > 0)
+        squares = divided((events - fitted) ** 2, fitted)
         return cls(seen, total, squares.sum(axis=1), events.shape[1] - 1)
 
     @classmethod
@@ -112,12 +112,12 @@ class EventTotals:
         )
 
     def until(self, groups: int) -> EventTotals:
-        """Of the first groups alone."""
+        """The totals of the first groups only."""
         return EventTotals(self.seen[:groups], self.expected[:groups], self.chi_squared[:groups], self.freedom)
 
     @classmethod
     def pooled(cls, parts: Sequence[EventTotals]) -> EventTotals:
-        """The same groups of several experiments, summed; each experiment keeps its own seen / expected."""
+        """Events of several experiments summed by group; the scatter is about each experiment's own seen / expected."""
         return cls(
             np.sum([part.seen for part in parts], axis=0),
             np.sum([part.expected for part in parts], axis=0),
@@ -163,7 +163,7 @@ class HeldOutEvents:
     def expected_by_draw(self, group: str, draws: int) -> Floats:
         """Events (draws,) of a group of channels that each draw of the rates expects in all held-out runs together."""
         members = self._members[:, self.names.index(group)]
-        return self.groups.constants(0, draws) @ (self.exposures.sum(axis=0) * members)
+        return np.asarray(self.groups.constants(0, draws) @ (self.exposures.sum(axis=0) * members))
 
     @cached_property
     def observed(self) -> EventTotals:
@@ -201,26 +201,27 @@ class HeldOutEvents:
 
     @property
     def tank(self) -> Tank | None:
-        """That of the runs, where it is known."""
+        """The tank of the runs; None if it is not known."""
         return self.groups.tank
 
     def run_values(
         self, counts: Ints, simulated: Counts, species: Sequence[str]
     ) -> tuple[tuple[str, ...], Floats, Floats]:
-        """What a single run is judged by: names, and values (n, Q) and (first, n, Q) of joins, breaks, final counts.
+        """The figures that single runs are judged by: joins, breaks and final counts, seen and simulated.
 
-        counts, simulated : (n, S) and (first, n, S) at the end. Events are taken over the expected ones.
+        counts, simulated : (n, S) and (first, n, S) at the end. Returns names, and values (n, Q) and (first, n, Q), in
+        which events are divided by the expected number.
         """
         pooled = [g for g, name in enumerate(self.names) if name in WHOLES]
         names = (*(self.names[g] for g in pooled), *species)
         values = []
         for events, expected, final in ((self.seen, self.expected, counts), (*self.first_runs, simulated)):
-            ratio = np.divide(events, expected, out=np.zeros(expected.shape), where=expected > 0)
+            ratio = divided(events, expected)
             values.append(np.concatenate([ratio[..., pooled], final], axis=-1))
         return names, values[0], values[1]
 
     def totals_off(self, group: str, factor: float, groups: int, part: int) -> EventTotals:
-        """Of groups of runs whose rates of one group of channels are `factor` times those calibrated."""
+        """Totals of groups of runs whose rates of one group of channels are `factor` times those calibrated."""
         stage(f"power to show {group} off by a factor of {factor:g}")
         factors = np.where(self._members[:, self.names.index(group)] > 0, factor, 1.0)
         return self._totals(self.groups.events_off(factors, groups, self.until, part))

@@ -33,8 +33,8 @@ from kinetics.runs.statistics import Tally
 from kinetics.support.arrays import Floats, Ints
 
 
-class Look:
-    """What the runs so far say of their own errors.
+class InterimLook:
+    """An interim look at the runs so far: the errors of their figures, and how many runs more are needed.
 
     asked : of "mean" or "sd"
     rows : (m, T, S) counts of some of the runs
@@ -154,7 +154,7 @@ def largest_errors(values: Floats, ratios: Floats, seed: int) -> Floats:
     moves = matters & (scale > 0.0)
     single = np.where(matters & ~moves, ratios, 0.0).max(axis=0)
     single = single[single > 0.0]
-    errors = np.abs(rng.standard_normal((single.size + 1, DRAWN)) * np.append(single, 0.0)[:, None]).max(axis=0)
+    errors: Floats = np.abs(rng.standard_normal((single.size + 1, DRAWN)) * np.append(single, 0.0)[:, None]).max(axis=0)
     if moves.any():
         weights = away[:, moves] * (ratios[moves] / scale[moves])
         if 3 * weights.shape[1] < len(weights):  # the root of their covariances says the same in fewer rows

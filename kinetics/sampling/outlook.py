@@ -16,7 +16,7 @@ ACCURACY = 1e-3
 
 
 class Outlook:
-    """The propensities of a network at real counts, and what they come to."""
+    """The propensities of a network at real counts, and its rate equations integrated from there."""
 
     def __init__(self, network: Network) -> None:
         laws = mass_action(network)
@@ -47,7 +47,7 @@ class Outlook:
 
         padded = np.column_stack([counts, np.ones(len(counts))])
         with np.errstate(all="ignore"):
-            found = self.coefficients * np.maximum(padded[:, self.species] - self.taken, 0.0).prod(axis=2)
+            found: Floats = self.coefficients * np.maximum(padded[:, self.species] - self.taken, 0.0).prod(axis=2)
             for r, program in self.laws:
                 found[:, r] = self.network.ways[r] * self.network.known_rates[r] * evaluate(program, counts, time)  # type: ignore[arg-type]
         return found
@@ -60,9 +60,9 @@ class Outlook:
         return self.network.channels[int(rates.argmax())], float(rates.max())
 
     def events(self, counts: Ints, time: float, end: float, most: float) -> float:
-        """Events from these counts (S,) at `time` until `end`, tu, at least; nan where that cannot be told.
+        """A lower estimate of the events from counts (S,) at `time` until `end`, tu; nan if the equations give none.
 
-        most : the number that is in question; far beyond it, nobody counts on
+        most : the number of events allowed; integration stops far beyond it
         """
         if counts.size > MOST_SPECIES or self.network.events:
             return np.nan
@@ -76,7 +76,7 @@ class Outlook:
             return np.inf if scale > 0.0 else np.nan
 
         def slope(at: float, x: Floats) -> Floats:  # the clock in events at the rate of the start, so in plain numbers
-            return gains @ (self.rates(np.maximum(x[None], 0.0), time + at / scale)[0] / scale)
+            return np.asarray(gains @ (self.rates(np.maximum(x[None], 0.0), time + at / scale)[0] / scale))
 
         events = 0.0
         with np.errstate(all="ignore"):

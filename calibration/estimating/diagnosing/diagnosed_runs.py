@@ -40,7 +40,7 @@ class Clocked(NamedTuple):
         return self.level * self.elapsed(self.stretches.begin, self.stretches.end)
 
     def passed_between(self, begin: Floats, end: Floats) -> Floats:
-        """The same in the part of each stretch that lies from `begin` to `end`, (E + 1,)."""
+        """Integrated hazard (E + 1, R) in the part of each stretch that lies between `begin` and `end` (E + 1,), tu."""
         first = np.clip(begin, self.stretches.begin, self.stretches.end)
         last = np.clip(end, first, self.stretches.end)
         return self.level * self.elapsed(first, last)
@@ -103,7 +103,7 @@ class DiagnosedRuns:
     @cached_property
     def exposure(self) -> Floats:
         """(R,) integrated hazard of each channel in all runs, up to a factor a channel."""
-        return np.sum([c.passed.sum(axis=0) for c in self.clocked], axis=0)
+        return np.asarray(np.sum([c.passed.sum(axis=0) for c in self.clocked], axis=0))
 
     def random(self, *keys: object) -> np.random.Generator:
         """Random numbers of their own for each test and channel."""
@@ -119,11 +119,11 @@ class DiagnosedRuns:
         if len(self.network.conserved) == 1:
             (weights,) = self.network.conserved.values()
             return states @ weights
-        return states.sum(axis=1).astype(float)
+        return np.asarray(states.sum(axis=1), dtype=np.float64)
 
     @property
     def matter(self) -> str:
-        """What `amount` counts."""
+        """The name of the matter that `amount` counts."""
         return next(iter(self.network.conserved)) if len(self.network.conserved) == 1 else "copies"
 
     def grouped(self, groups: Sequence[Ints], n: int) -> tuple[Ints, Floats]:

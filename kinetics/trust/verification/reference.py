@@ -59,8 +59,8 @@ class Reference:
 
     @property
     def start(self) -> Ints:
-        """The initial state (S,)."""
-        return self.solution.space.states[0]
+        """The initial counts (S,)."""
+        return self.solution.space.states[0, :]
 
     @property
     def error(self) -> float:
@@ -86,7 +86,7 @@ class Reference:
     @cached_property
     def tops(self) -> Floats:
         """Largest count (S,) of each species, at least 1."""
-        return np.maximum(self.states.max(axis=0), 1.0)
+        return np.asarray(self.states.max(axis=0, initial=1.0))
 
     @cached_property
     def gaps(self) -> Floats:
@@ -141,7 +141,7 @@ class Reference:
 
     @property
     def _of_the_times(self) -> float:
-        """What the rounding of a difference of times can do."""
+        """Bound on the effect of rounding in a difference of times."""
         return 4.0 * ROUNDOFF * self.chain.rate * float(self.solution.times[-1])
 
     @cached_property
