@@ -4,7 +4,6 @@ import json
 from dataclasses import replace
 
 import pytest
-from derived_books import derived, explored
 
 from calibration.estimating.class_calibration import BookRuns, calibrate_classes
 from calibration.estimating.class_spread import class_spreads, flagged
@@ -15,6 +14,7 @@ from kinetics.assembly.checking.recoverability import lost_cubes
 from kinetics.assembly.deriving.explore import explore
 from kinetics.rates import ClassRates
 from mechsim.runs.store import RunStore
+from tests.helpers.derived_books import derived, explored
 from tests.results import pyramid_page as page
 
 BREAKING = RuleBook.load("pyramid45_breaking")
