@@ -70,7 +70,7 @@ if TYPE_CHECKING:
     "breaks",
     metavar="auto|NAME",
     help="How bonds break: the name of a break model, such as first-order or collision, or auto for the one that the "
-    "runs choose. With --events only where it is given.  [default: the plan's, or auto]",
+    "runs choose. With --events only if it is given.  [default: the plan's, or auto]",
 )
 @click.option(
     "--by",

@@ -181,7 +181,7 @@ def plan(
     Tanks are taken along the assembly's path as pilot rates predict it. A linear programme then gives the runs of least
     CPU time that measure every rate as narrowly as asked for. The number of held-out runs is that which gives the test
     of seen over expected events its power, with the calibration's own uncertainty. The cost of a run is that of stored
-    runs alike, or of a short trial, so that it depends on the machine. Where the budget does not reach, the plan that
+    runs alike, or of a short trial, so that it depends on the machine. If the budget does not reach, the plan that
     fits is written, and what is lacking is said.
     """
     from calibration.pipeline.pilot import Pilot

@@ -115,7 +115,7 @@ def flagged(spreads: Sequence[ClassSpread], level: float = LEVEL) -> tuple[Class
 
 
 def _only_key(fit: ClassFit, ways: Iterable[Any]) -> str | None:
-    """The constant of a channel; None where it is of another kind, or has several."""
+    """The constant of a channel; None if it is of another kind, or has several."""
     known = {key for c in ways for key in class_keys(c) if key in fit.channels}
     return known.pop() if len(known) == 1 else None
 

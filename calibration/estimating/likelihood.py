@@ -41,7 +41,7 @@ class Evidence:
     exposure: Floats
 
     def log_likelihood(self, coefficients: Floats) -> float:
-        """At coefficients (P,); nan counts as 0, -inf where an event that happened could not."""
+        """At coefficients (P,); nan counts as 0, -inf if an event that happened could not."""
         k = np.nan_to_num(coefficients)
         with np.errstate(divide="ignore"):
             return float(np.log(self.at_events @ k).sum() - self.exposure @ k)
@@ -116,7 +116,7 @@ class PathLikelihood:
 
     @property
     def channels(self) -> tuple[int, ...]:
-        """Positions of the channels, each of which has its own constant; ValueError where constants are shared."""
+        """Positions of the channels, each of which has its own constant; ValueError if constants are shared."""
         network = self.paths[0].network
         if any(key not in network.channel_places for key in self.grouping.keys):
             raise ValueError("constants that channels share belong to no channel; group by channel")
@@ -247,7 +247,7 @@ class PathLikelihood:
         return with_shape(least(free, [start[parameter.name] for parameter in free], costs, scattered))
 
     def _shared_out(self, fixed: Mapping[str, float], near: Mapping[str, float] | None) -> Maximum:
-        """Where channels have several constants each takes its expected part of their events, and again until it stays.
+        """Share the events of channels among their constants by expectation, and repeat to convergence (EM).
 
         This is expectation maximisation (Dempster, Laird & Rubin 1977, J. R. Stat. Soc. B 39, 1), which converges to
         the largest likelihood. ValueError: a model of several coefficients, or whose shape does more than weight parts.

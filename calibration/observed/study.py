@@ -53,7 +53,7 @@ class ObservedStudy:
 
     @cached_property
     def break_models(self) -> BreakComparison | None:
-        """Break models fitted to the runs; None where none was asked for, or nothing breaks."""
+        """Break models fitted to the runs; None if none was asked for, or nothing breaks."""
         return None if self.breaks is None else BreakComparison.asked_for(self.breaks, self.paths)
 
     @cached_property

@@ -57,7 +57,7 @@ class CalibrationStudy:
 
     @cached_property
     def sound(self) -> list[RunRecord]:
-        """Runs that reached their end; ValueError where none did."""
+        """Runs that reached their end; ValueError if none did."""
         return sound_of(self.outcome)
 
     @cached_property
@@ -83,7 +83,7 @@ class CalibrationStudy:
 
     @property
     def problems(self) -> list[str]:
-        """Runs that were stopped by the guard or given up, in words."""
+        """Runs that were stopped by the guard or given up, as sentences."""
         return problems_of(self.outcome)
 
     @cached_property
@@ -106,7 +106,7 @@ class CalibrationStudy:
 
 
 def check_measurable(scene: Scene, sizes: Sequence[int]) -> None:
-    """ValueError where assembly from so many single cubes could not show every channel, however long it runs."""
+    """ValueError if assembly from so many single cubes could not show every channel, however long it runs."""
     book, derivation = book_of(scene.rules)
     network = derivation.network
     if book.seed() is not None:

@@ -60,7 +60,7 @@ class PlanRequest:
 class HeldOutTest:
     """The power of held-out runs of one size for one group of channels.
 
-    needed : runs that reach the power; None where `held_out.MOST_RUNS` do not
+    needed : runs that reach the power; None if `held_out.MOST_RUNS` do not
     limit : power that no number of runs exceeds, because the calibration leaves its uncertainty
     """
 

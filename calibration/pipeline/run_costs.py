@@ -17,7 +17,7 @@ Cost = Callable[[RunSpec], float]  # CPU seconds of a run
 class RunCosts:
     """CPU seconds of runs on this machine, in proportion to their length.
 
-    The guide are runs of the same scene and composition in a folder, which need not exist; where there is none, a trial
+    The guide are runs of the same scene and composition in a folder, which need not exist; if there is none, a trial
     of 5 tu.
     """
 

@@ -47,7 +47,7 @@ def pictured_run(scene: Scene, runs_folder: str | Path, *, cubes: int = 60, dura
 
 
 def problems_of(outcome: Outcome) -> list[str]:
-    """Runs that were stopped by the guard or given up, in words."""
+    """Runs that were stopped by the guard or given up, as sentences."""
     stopped = [f"{r.spec.title}: {r.outcome}" for r in outcome.records if not r.completed]
     return stopped + [f"{q.spec.title}: given up: {q.reasons[-1]}" for q in outcome.quarantined]
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 NOTABLE = 0.05  # events: a channel with fewer at every size is left out of the figure of events
 ABOUT_RATES = """
 Propensity = rate x ways x combinations of reactants. A rate is pooled events over pooled exposure; its limits are the
-exact 95 % limits of a Poisson count (Garwood 1936), also where nothing was seen.
+exact 95 % limits of a Poisson count (Garwood 1936), also if nothing was seen.
 """
 ABOUT_DIAGNOSTICS = """
 Each test asks whether one thing that a well-mixed Markov chain assumes is true of the runs, channel by channel; a dash
@@ -35,7 +35,7 @@ its hazard is judged. Doubtful is what fails at 1 % for all tests together (Holm
 ABOUT_BREAKS = """
 The AIC weighs likelihood against the number of parameters: smaller is better. The log score is that of breaks in runs
 that were left out of the fit: larger is better. The deviance compares the breaks of each kind of run with those
-expected. Where runs record who broke what, and the breaks call for a model with partners, that record chooses among the
+expected. If runs record who broke what, and the breaks call for a model with partners, that record chooses among the
 models that can explain it: only a model with walls can explain a break by a wall. The shape parameters then come from
 that record, too.
 """
@@ -118,7 +118,7 @@ def about_not_seen(calibration: Calibration) -> str:
 
 
 def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Part]:
-    """The diagnostics of a set of runs: verdicts in words, all p-values, and of each test its most doubtful figure.
+    """The diagnostics of a set of runs: verdicts, all p-values, and for each test its most doubtful figure.
 
     name : of the tables and charts; two sets of runs in one report need two
     """
@@ -147,7 +147,7 @@ def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Par
 
 
 def _break_parts(compared: BreakComparison) -> list[Part]:
-    """Break models side by side; the shape in words, its intervals at 95 %."""
+    """Break models side by side; the shape as text, its intervals at 95 %."""
     from calibration.estimating.break_comparison import shape_in_words
 
     rows = [row | {"shape": shape_in_words(row["shape"])} for row in compared.table()]
@@ -215,7 +215,7 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
 
 
 def _event_table(study: ValidationStudy) -> list[dict[str, Any]]:
-    """Rows of events, the size in words."""
+    """Rows of events, with the size as text."""
     return [{k: v for k, v in row.to_dict().items() if k not in ("cubes", "tank")} for row in study.events]
 
 

@@ -35,7 +35,7 @@ AT_A_TIME = 500  # groups whose single runs are in memory
 class EventRow:
     """One group of channels at one size, or over all sizes.
 
-    size : the experiment in words
+    size : the experiment as text
     cubes : of a run; None for the pooled rows of all sizes
     tank : edges of the tank, where it is known
     group : `joins`, `breaks`, or a channel
@@ -82,7 +82,7 @@ class EventTotals:
 
     @property
     def ratio(self) -> Floats:
-        """seen / expected (D, G); 0 where neither is, inf where events came that the rates call impossible."""
+        """seen / expected (D, G); 0 if neither is, inf if events came that the rates call impossible."""
         known = self.expected > 0
         nothing = np.where(self.seen > 0, np.inf, 0.0)
         return np.divide(self.seen, self.expected, out=nothing, where=known)
@@ -241,7 +241,7 @@ class HeldOutEvents:
 
     @cached_property
     def _members(self) -> Ints:
-        """(R, G) 1 where a channel of the simulated network is in a group."""
+        """(R, G) 1 if a channel of the simulated network is in a group."""
         return _membership(self.groups.network, self.groups.model.channels)[1]
 
 
@@ -280,7 +280,7 @@ def event_rows(
 
 
 def _membership(network: Network, channels: Sequence[str]) -> tuple[tuple[str, ...], NDArray[np.int64]]:
-    """Names of the groups of channels, and (R, G) 1 where a channel is in a group."""
+    """Names of the groups of channels, and (R, G) 1 if a channel is in a group."""
     groups = event_groups(network)
     table = [[int(base_channel(channel) in members) for members in groups.values()] for channel in channels]
     return tuple(groups), np.array(table, dtype=np.int64).reshape(len(channels), len(groups))

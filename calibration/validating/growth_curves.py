@@ -123,7 +123,7 @@ class GrowthComparison(Shown, Tabular):
 
     @property
     def sentence(self) -> str:
-        """The verdict; where some checks cannot fail, which, and how many groups it takes."""
+        """The verdict; if some checks cannot fail, which, and how many groups it takes."""
         if not self.cannot_fail:
             return self.verdict.sentence
         needed = math.ceil(2 * (len(self.events) + len(self.curves)) / LEVEL) - 1

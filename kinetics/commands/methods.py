@@ -1,4 +1,4 @@
-"""Methods as `--method` takes them; those that solve are imported only where one is asked for."""
+"""Methods as `--method` takes them; those that solve are imported only if one is asked for."""
 
 from __future__ import annotations
 

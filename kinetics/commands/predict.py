@@ -77,7 +77,7 @@ INSTEAD = (
 @count_option(
     "--max-events",
     default=MAX_EVENTS,
-    help="Most events of a run. Where one would come to more, figures end before it.",
+    help="Most events of a run. If one would come to more, figures end before it.",
 )
 @count_option("--threads", help="Largest number of threads used.  [default: one per core]")
 @heading(RULES)

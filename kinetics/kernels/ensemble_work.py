@@ -36,7 +36,7 @@ class Stop(NamedTuple):
 
     affects_stop (G + 1,) bool : channels of the kernel that change what the condition reads; the last stands for none
     table (n,) : comparisons one after the other: low, high, yes, no, number of terms, and of each term species and
-        weight. Where the sum of the terms is from low to high, the comparison that begins at `yes` comes next, else
+        weight. If the sum of the terms is from low to high, the comparison that begins at `yes` comes next, else
         that at `no`; or these are HOLDS or FAILS. One array, because each costs a kernel time. Empty for a program
     codes, operands (m,) int32, numbers (m,) : a program in its place, see `programs.Programs`, where the condition
         compares other things than sums; else empty

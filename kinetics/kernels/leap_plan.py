@@ -165,7 +165,7 @@ def set_box(laws, cells, length):
 
 @compiled
 def plan_leap(model, cells, length):
-    """Choose a leap from the counts: its length, and the events expected of it, 0 where there should be none.
+    """Choose a leap from the counts: its length, and the events expected of it, 0 if there should be none.
 
     length : that of the leap before, from which the search starts; the new box and its propensities are left in `cells`
     """

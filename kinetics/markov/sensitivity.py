@@ -203,7 +203,7 @@ class Sensitivity:
         given = reward_asked(self._chain, name, at, up_to, until, stationary)
         if given.error:
             found = self._of_reward(given, at, up_to, until)
-            return replace(found, is_bound=False)  # how a rounded reward weighs in differences, nobody knows
+            return replace(found, is_bound=False)  # the effect of rounding in a reward on differences has no bound
         return self._of_reward(given, at, up_to, until)
 
     def _of_reward(self, given: Reward, at: float | None, up_to: float | None, until: Target | None) -> Derivatives:

@@ -185,7 +185,7 @@ class Growth(Shown, Tabular):
         return shown
 
     def to_dataframe(self) -> pd.DataFrame:
-        """One row per event: time in tu, the structures consumed and those produced, in words."""
+        """One row per event: time in tu, the structures consumed and those produced, as text."""
         pandas = extra("pandas")
 
         names = [*map(str, self.structures), ""]  # NOTHING picks the last

@@ -22,7 +22,7 @@ class AskedAccuracy:
         species' largest mean (sd) over the times, and of one copy at least, so that rare species need no digits.
         Of distributions it is the largest error of the probability of at most n copies, for any n
     of : "mean", "sd" or "distribution"
-    ValueError: a value that is no number from 1e-12, or above 1 where it is relative or a probability
+    ValueError: a value that is no number from 1e-12, or above 1 if it is relative or a probability
 
     >>> from kinetics.predicting import AskedAccuracy
     >>> AskedAccuracy.of_text("1%"), AskedAccuracy.of_text("0.5", of="sd")
@@ -113,13 +113,13 @@ class Reached:
     """The accuracy of a prediction that was made for one.
 
     asked : what was asked for
-    error : bound on the error, in the unit of `asked`; inf where none is known
+    error : bound on the error, in the unit of `asked`; inf if none is known
     is_proven : whether the bound is proven, else that of an interval by the normal distribution
     confidence : of the bound, for all figures together; 1 for a solution
     chosen : method that gave the answer
     candidates : all that were considered, with their forecast costs
-    tenfold : the cheapest for a tenth of the error, and its forecast cost; None where none can reach it
-    rare : of an answer by runs, how rare events were allowed for; empty where none showed
+    tenfold : the cheapest for a tenth of the error, and its forecast cost; None if none can reach it
+    rare : of an answer by runs, how rare events were allowed for; empty if none showed
 
     >>> from kinetics import Network, predict
     >>> decay = Network.from_text("A -> 0, 0.1")

@@ -36,8 +36,8 @@ class Elasticities(Shown):
     is_rate : (P,); for a shape parameter the value is d ln(prediction) / d parameter instead, with each coefficient
         moving so that as many breaks would have been expected where they were counted
     prediction : (...) to which they belong
-    value, standard_error : (P, ...); nan where not known. The error is 0 for an exact solution
-    share : (P, ...) of the variance that the rates leave in the prediction, to first order; nan where they leave none
+    value, standard_error : (P, ...); nan if not known. The error is 0 for an exact solution
+    share : (P, ...) of the variance that the rates leave in the prediction, to first order; nan if they leave none
     quantile : how far a 95 % interval reaches beyond the value, in standard errors, by Student's t
     is_exact : exact derivatives at the posterior mean of each parameter; else averaged over the posterior
 
@@ -124,7 +124,7 @@ class Elasticities(Shown):
 
 
 def _range(values: Floats) -> tuple[str, str]:
-    """Smallest and largest value; nothing where there is none."""
+    """Smallest and largest value; nothing if there is none."""
     return (f"{values.min():.3g}", f"{values.max():.3g}") if values.size else ("", "")
 
 
@@ -185,7 +185,7 @@ def passage_elasticities(
     copies: int = 1,
     tank: Tank | None = None,
 ) -> Elasticities:
-    """Elasticities (P, 1) of the mean time to `copies` of a species, solved for; ValueError where it is infinite.
+    """Elasticities (P, 1) of the mean time to `copies` of a species, solved for; ValueError if it is infinite.
 
     >>> from kinetics import ChannelRate, Convention, Network, Rates
     >>> from kinetics.predicting import passage_elasticities

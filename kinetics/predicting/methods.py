@@ -1,4 +1,4 @@
-"""Methods by name: those that solve are imported only where one is asked for."""
+"""Methods by name: those that solve are imported only if one is asked for."""
 
 from __future__ import annotations
 

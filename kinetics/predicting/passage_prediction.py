@@ -26,13 +26,13 @@ class PassagePrediction(Shown):
     """A first-passage time under rates that are known from evidence, or taken as known; times in tu.
 
     passage : its distribution at the posterior mean of each rate constant, or at the rates that are taken as known
-    mean : the mean of `passage`, with its bounds; where rates have evidence, the posterior median of the mean time and
+    mean : the mean of `passage`, with its bounds; if rates have evidence, the posterior median of the mean time and
         its middle 95 %
     notes : remarks for the reader
     network : the network whose passage it is, with its rate constants
 
     The mean time has no posterior mean where a rate has few events: 1 / k has none with k from Gamma(1/2). Its median
-    and quantiles exist always; they are inf only where the target may be missed at any rates.
+    and quantiles exist always; they are inf only if the target may be missed at any rates.
 
     >>> from kinetics import Network, predict_passage
     >>> found = predict_passage(Network.from_text("A -> B, 0.1"), None, {"A": 1}, "B")

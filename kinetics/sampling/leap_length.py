@@ -14,7 +14,7 @@ OPEN_EVENTS = 2.0  # of a leap of the best length; from 1 to 4 the cost is the s
 
 
 def events_of_leap(network: Network, initial: Ints) -> float:
-    """Events that a leap from `initial` (S,) is expected to hold; 0 where none pays, or not all are of mass action.
+    """Events that a leap from `initial` (S,) is expected to hold; 0 if none pays, or not all are of mass action.
 
     Leaps are as long as leaves `OPEN_EVENTS` undecided, by the search of `kernels.leap_plan.plan_leap`.
     """

@@ -37,7 +37,7 @@ class MassAction(NamedTuple):
 
 
 def order_refusal(network: Network) -> str:
-    """Why a channel has too many like reactants, the first such channel named; empty where none has."""
+    """Why a channel has too many like reactants, the first such channel named; empty if none has."""
     needed = network.sparse_reactants
     is_law = np.array([name in network.laws for name in network.channels], dtype=bool)
     free = ~is_law[needed.rows]

@@ -34,7 +34,7 @@ def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot_files: tupl
     A run has a log if its scene's effect breaking has log_above. The table gives the rate of hits above several loads,
     the exponent with which hits grow with the partner's size, and the rate of breaks at the threshold, extrapolated
     from the tail of loads, with 95 % limits and whether answers from several levels agree. Exposures are those of every
-    run's own tank; where tanks of different size or number of cubes disagree on a rate of hits, the command says so.
+    run's own tank; if tanks of different size or number of cubes disagree on a rate of hits, the command says so.
     Runs without a log, or stopped by the guard, are left out. The command draws no random numbers.
     """
     from mechsim.inspection.poses import record_at

@@ -113,7 +113,7 @@ def spread_test(
 
     Statistic: squares of seen less expected events, each over the expected number (Pearson), or, not `by_expected`, as
     they are. The mean of (n - kx)^2 is that of kx whatever ends the exposure x, as n - kx is a martingale; that of
-    (n - kx)^2 / kx is above 1 where an event uses up its own reactant, and so ends x early.
+    (n - kx)^2 / kx is above 1 if an event uses up its own reactant, and so ends x early.
 
     Every group needs exposure, there are two or more, and one event at least.
     """

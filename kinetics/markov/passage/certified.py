@@ -97,7 +97,7 @@ class Equations(ABC):
 
     @abstractmethod
     def at_most(self, weights: Floats, like: Floats, is_occupation: bool = False) -> Floats:
-        """Proven upper bounds (n,) on the exact solution for weights of at least 0; inf where there are none.
+        """Proven upper bounds (n,) on the exact solution for weights of at least 0; inf if there are none.
 
         like : (n,) their scale; some bounds are tight only relative to it
         """

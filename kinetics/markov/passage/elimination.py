@@ -42,7 +42,7 @@ class Elimination(Equations):
     error : bound on the relative error of every number that comes out
 
     Every figure is a ratio of sums of spanning forests, products of one rate out of each state. So a relative error of
-    e in the rates out of m states changes it by 2 m e at most (O'Cinneide 1993, doi:10.1007/BF01385743). Where a step
+    e in the rates out of m states changes it by 2 m e at most (O'Cinneide 1993, doi:10.1007/BF01385743). If a step
     reroutes the rates out of a state, each of them rounds five times: exit rate (twice), share, product, sum. The steps
     count these states.
     """

@@ -106,7 +106,7 @@ def rare_event(
     whatever the level.
 
     The interval is valid where the level measures the progress of a run: runs that enter a stage in different states
-    must have similar chances from there on. Where the event comes almost only by a path that few runs take at first and
+    must have similar chances from there on. If the event comes almost only by a path that few runs take at first and
     that the level does not show (a hidden switch), all replicates may miss it and agree on too small a number; `low`
     then still holds, but `high` does not. Cost: the events of all runs at all stages, of which there are about
     log(1 / p) / 1.6. Where the states can be listed, `first_passage` and `committor` need no sampling: choose those.

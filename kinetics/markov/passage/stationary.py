@@ -47,7 +47,7 @@ class Stationary(Shown, Tabular):
     error : relative error of every probability down to 1e-290, rounding of the rates included; smaller probabilities
         may be lost
     is_bound : whether the error is proven; not by a rate law that cannot be bounded
-    space : the states of the network behind the chain, if there is one; ValueError where counts are asked for without
+    space : the states of the network behind the chain, if there is one; ValueError if counts are asked for without
 
     >>> from kinetics import Network, stationary
     >>> found = stationary(Network.from_text("A <-> B, 2, 3"), {"A": 2})

@@ -64,7 +64,7 @@ class Decided(NamedTuple):
 class Along(NamedTuple):
     """Runs contribute what happens on their way until a condition `stop` holds, or until the time `end`, tu.
 
-    end : None where runs go on until `stop` holds
+    end : None if runs go on until `stop` holds
     value : what one run contributes, from the times at which its states (n, S) were entered (n,) and left (n,)
     """
 
@@ -98,7 +98,7 @@ class Question(ABC):
     @classmethod
     @abstractmethod
     def read(cls, asked: Framed) -> Self | None:
-        """The question of a text; None where it is of another kind, a ValueError where it is of this one but wrong."""
+        """The question of a text; None if it is of another kind, a ValueError if it is of this one but wrong."""
 
     @abstractmethod
     def value(self, chain: Chain) -> Answer:
@@ -125,7 +125,7 @@ class Question(ABC):
 
     @property
     def sampling(self) -> AtTime | Decided | Along | None:
-        """How runs answer it; None where runs of finite length do not."""
+        """How runs answer it; None if runs of finite length do not."""
         return None
 
     def check(self, model: Model) -> None:

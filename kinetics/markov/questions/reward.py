@@ -102,6 +102,6 @@ class RewardQuestion(Question):
         return float(np.cumsum((left - entered) * reward_rates(model, self.name, states))[-1])
 
     def check(self, model: Model) -> None:
-        """A ValueError where there is no such reward either."""
+        """A ValueError if there is no such reward either."""
         reward_rates(model, self.name, np.asarray(model.initial)[np.newaxis])
         super().check(model)

@@ -97,7 +97,7 @@ class UntilQuestion(Question):
         return Decided(self.by, stop, fulfils)
 
     def _reaches(self, model: Model, entered: Floats, left: Floats, states: Ints) -> float:
-        """1 where a run is in the target in the interval, and was on the way until then."""
+        """1 if a run is in the target in the interval, and was on the way until then."""
         there = Condition(self.target, model).holds(states) & (left >= self.after)
         if self.through is not None:
             astray = ~Condition(self.through, model).holds(states)

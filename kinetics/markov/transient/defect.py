@@ -1,4 +1,4 @@
-"""The defect u' - u Q of a polynomial u in fixed-point arithmetic: it bounds the error of u, whoever found it.
+"""The defect u' - u Q of a polynomial u in fixed-point arithmetic: it bounds the error of u, however u was found.
 
 The distance of u from the solution of dp/dt = p Q, summed over the states, grows by no more than the integral of
 |u' - u Q|, because exp(Q t) enlarges no such sum. Doubles know the defect only to 2**-53 of the fastest rate; in fixed

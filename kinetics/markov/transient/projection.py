@@ -38,7 +38,7 @@ class FiniteStateProjection(SolvingMethod):
     """Finite state projection: the master equation on a finite set of states that moves with the probability.
 
     The state space may be infinite. Time is cut into windows. Mass that leaves the set within a window is lost to a
-    sink; where too much is lost, the set is extended around the states from which it flowed and the window is done
+    sink; if too much is lost, the set is extended around the states from which it flowed and the window is done
     again. After a window, states are dropped if they hold little mass and little mass went through them, so that
     bottlenecks stay. Once the distribution has settled it is kept as it is.
 
@@ -102,7 +102,7 @@ class _Window(NamedTuple):
         """At the end, in 1/tu: the sum of |p Q|, all flow out of the set included; and the mass that moves."""
         mass = self.solved.probabilities[-1]
         outflow = self.chain.arrays.exits * mass
-        # Not `leaks @ mass`: BLAS would wake threads that cost more than they bring.
+        # Not `leaks @ mass`: BLAS would wake threads that cost more than they save.
         change = self.chain.rate * float(np.abs(self.chain.inflows @ mass - outflow).sum())
         return change + float((self.leaks * mass).sum()), self.chain.rate * float(outflow.sum())
 

@@ -40,7 +40,7 @@ class Arrays(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DiscreteChain:
-    """The uniformised chain of a generator; where exits exceed the rates that stay inside, it loses mass.
+    """The uniformised chain of a generator; if exits exceed the rates that stay inside, it loses mass.
 
     rate : q, 1/tu
     arrays : inflows and exits of every state as shares of q

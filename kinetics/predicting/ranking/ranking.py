@@ -42,7 +42,7 @@ class Ranking(Shown, Tabular):
         runs without one by the horizon count as the horizon
     cubes, possible, horizon : number of free cubes at time 0, number of targets they could make, and horizon, tu
     notes : what a reader must know about the figures
-    draws : number of draws of the rates; 0 where no rate has evidence
+    draws : number of draws of the rates; 0 if no rate has evidence
     unfinished : books not reached before Ctrl-C
 
     >>> from kinetics import ClassRates, rank
