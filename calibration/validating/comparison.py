@@ -104,7 +104,7 @@ class CrossValidation(Shown):
     @property
     def headline(self) -> str:
         """Of what, and how many runs beside how many predicted groups."""
-        return f"{self.name}: {self.runs} held-out runs beside {self.groups} predicted groups of as many"
+        return f"{self.name}: {self.runs} held-out runs, compared with {self.groups} predicted groups of as many"
 
     def summary(self) -> ResultTable:
         """Observed means beside the predicted band at the last time, and the verdict."""

@@ -80,7 +80,7 @@ class GrowthComparison(Shown, Tabular):
     @property
     def headline(self) -> str:
         """Of what, and how many runs beside how many predicted groups."""
-        return f"{self.label}, {self.runs} runs beside {self.groups} predicted groups of as many"
+        return f"{self.label}, {self.runs} runs, compared with {self.groups} predicted groups of as many"
 
     def summary(self) -> ResultTable:
         """The curves at the last time; the verdict below."""

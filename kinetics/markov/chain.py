@@ -125,7 +125,7 @@ class Chain:
         """A ValueError if the chain is truncated."""
         if self.truncated.any():
             raise ValueError(
-                f"{question} needs the whole state space, and this chain is truncated: list all of its states, or ask "
+                f"{question} needs the whole state space, and this chain is truncated: enumerate all states, or ask "
                 f"for a probability, a committor, a passage time or a reward"
             )
 
@@ -259,7 +259,7 @@ class Chain:
         if twice.max() > 1:
             row = int(np.argmax(twice))
             state = row if self.counts is None else self.counts[row].tolist()
-            raise ValueError(f"state {state} belongs to two targets; make them exclude each other")
+            raise ValueError(f"state {state} belongs to two targets; make them disjoint")
         return replace(committor_of(*self._begun, masks, self.truncated & (twice == 0)), space=self.space)
 
     @property

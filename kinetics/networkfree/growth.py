@@ -198,7 +198,7 @@ class Growth(Shown, Tabular):
     def _grid(self, times: ArrayLike) -> Floats:
         grid = rising_times(times)
         if grid.size and grid[-1] > self.end:
-            raise ValueError(f"the run was observed until {self.end:g}; {grid[-1]:g} was asked for")
+            raise ValueError(f"the run was observed until {self.end:g}; {grid[-1]:g} was requested")
         return grid
 
 
@@ -241,7 +241,7 @@ class Growths(Shown):
 
     def __post_init__(self) -> None:
         if not self.runs:
-            raise ValueError("no run is there; expected at least one")
+            raise ValueError("no runs; expected at least one")
         tanks = {(run.n_cubes, run.end) for run in self.runs}
         if len(tanks) > 1:
             raise ValueError(f"the runs have different (cubes, ends): {sorted(tanks)}; expected runs of one tank")

@@ -230,7 +230,7 @@ def predict(
     low, high = (None, None) if drawn is None else drawn.limits(mean)
     if drawn is not None and drawn.is_hidden:
         notes.append(
-            f"an interval without width is narrower than {RUNS_PER_DRAW} runs under a draw of the rates can show"
+            f"an interval of zero width is narrower than {RUNS_PER_DRAW} runs for each draw of the rates can resolve"
         )
     if isinstance(result, EnsembleStatistics):
         off = int(result.quantile_error().max())
@@ -307,28 +307,29 @@ def _adapted(job: Job, accuracy: AskedAccuracy | str | float, budget: float | No
     result, reached, is_complete = adaptive_prediction(job, accuracy_of(accuracy), allowed)
     notes = reached.notes
     if not is_complete:
-        notes = (*notes, "ended before the accuracy was reached, by Ctrl-C or by the budget")
+        notes = (*notes, "stopped by Ctrl-C or by the budget before the accuracy was reached")
     return _Found(result, reached.chosen, is_complete, notes, reached=reached)
 
 
 def _check_choice(accuracy: object, method: object, runs: object, budget: object) -> None:
     """Raise a ValueError if an accuracy is given beside what it would choose, or a budget without one."""
     if accuracy is None and budget is not None:
-        raise ValueError("a budget, but no accuracy; a budget limits what an accuracy may cost")
+        raise ValueError("a budget without an accuracy; a budget limits the cost of an accuracy")
     for name, value in (("method", method), ("runs", runs)):
         if accuracy is not None and value is not None:
             raise ValueError(
-                f"{name} = {value!r} beside an accuracy, which chooses method and runs itself: give one or the other"
+                f"{name} = {value!r} together with an accuracy, which chooses method and runs itself: give one or "
+                f"the other"
             )
 
 
 def evidence_notes(rates: Rates | BookRates | None) -> tuple[str, ...]:
     """Remarks on the interval of a prediction from `rates`, for the reader."""
     if rates is None:
-        return ("no interval: the network's own rates are taken as known",)
+        return ("no interval: rate constants are taken as exact (no uncertainty given)",)
     bare = rates.without_evidence()
     if not rates.has_evidence:
         return ("no interval: these rates come without evidence (events and exposure)",)
     if bare:
-        return (f"the interval leaves out {', '.join(bare)}: taken as known, because without evidence",)
+        return (f"the interval excludes {', '.join(bare)}: taken as exact, because without evidence",)
     return ()

@@ -193,7 +193,7 @@ class JumpPath(Shown, Tabular):
         """Counts (T, S) at times (T,) between 0 and `end`; at an event's own time, those after it."""
         asked = reals("times", times, (None,), minimum=0)
         if asked.size and asked.max() > self.end:
-            raise ValueError(f"the run was observed until {self.end:g}; {asked.max():g} was asked for")
+            raise ValueError(f"the run was observed until {self.end:g}; {asked.max():g} was requested")
         rows = np.searchsorted(self.times, asked, side="right")
         if self._is_small:
             return self.states[rows]

@@ -17,7 +17,7 @@ from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.runs.marginal import Marginal
 from kinetics.runs.truncation import Truncation
-from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
+from kinetics.support.arrays import Floats, Ints, read_only, rising_times
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
 from kinetics.support.intervals import binomial_limits
@@ -118,8 +118,8 @@ class EnsembleStatistics(Shown, Tabular):
         first, second = self.pairs
         if first.size < n_species * (n_species + 1) // 2:
             raise ValueError(
-                f"the network has {n_species} species; covariances are kept by themselves for up to {MOST_COVARIED}: "
-                "ask for them when the runs are made, by covariances=True"
+                f"the network has {n_species} species; covariances are kept by default for up to {MOST_COVARIED}: "
+                f"request them when the runs are made, by covariances=True"
             )
         table = np.empty((self.times.size, n_species, n_species))
         table[:, first, second] = table[:, second, first] = self._covariances(np.arange(first.size))
@@ -151,7 +151,7 @@ class EnsembleStatistics(Shown, Tabular):
         if self.shift[:, s].any():
             raise ValueError(
                 f"counts of {species!r} spread from {self.low[:, s].min()} to {self.high[:, s].max()}; they were "
-                f"gathered in bins of up to {2 ** int(self.shift[:, s].max())}: ask for `marginal_at` a time"
+                f"collected in bins of up to {2 ** int(self.shift[:, s].max())}: ask for `marginal_at` a time"
             )
         table = np.zeros((self.times.size, int(self.high[:, s].max()) + 1))
         for row, first, tally in zip(table, self.origin[:, s], self.histogram[:, s], strict=True):
@@ -180,7 +180,7 @@ class EnsembleStatistics(Shown, Tabular):
         if not np.array_equal(self.times, other.times):
             raise ValueError("these are statistics at different times; merge those of one grid")
         if self.pairs.shape != other.pairs.shape:
-            raise ValueError("covariances were asked for in only one of these; ask for them in both or in neither")
+            raise ValueError("only one of these has covariances; request them in both or in neither")
         tally = Tally(self.network, self.times, self.pairs)
         tally.add_statistics(self)
         tally.add_statistics(other)
@@ -356,11 +356,3 @@ def kept_pairs(n_species: int, covariances: bool | None = None) -> NDArray[np.in
     if n_species <= MOST_COVARIED if covariances is None else covariances:
         return np.array(np.triu_indices(n_species))
     return np.tile(np.arange(n_species), (2, 1))
-
-
-def statistics_of(network: Network, times: ArrayLike, counts: ArrayLike) -> EnsembleStatistics:
-    """Statistics of counts (runs, T, S) at `times` (T,), tu, from anywhere: the mechanics, say."""
-    tally = Tally(network, times, kept_pairs(len(network.species)))
-    given = integers("counts", counts, (None, tally.times.size, len(network.species)), minimum=0)
-    tally.add(given)
-    return tally.statistics(len(given))

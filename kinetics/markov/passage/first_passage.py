@@ -83,7 +83,7 @@ class Passage(Shown, Tabular):
             rows.append((title, value, answer.bounds_text))
         notes = [f"solved, not sampled; bounds: {kind_of(self.is_bound)}"]
         if self.earliest is not None:
-            notes.append("truncated: the bounds hold for any behaviour outside, and the values count nothing of it")
+            notes.append("truncated: the bounds hold for any behaviour outside; the values exclude it")
         return ResultTable(self.headline, ("", "value", "bounds"), rows, notes)
 
     def answer(self, what: str | float) -> Answer:
@@ -96,7 +96,7 @@ class Passage(Shown, Tabular):
         elif what == "sd" and self.earliest is None:
             found = Answer.within(self.sd, self.sd_error, True)
         elif what == "sd":
-            return Answer.none("a truncated chain bounds no standard deviation")
+            return Answer.none("a truncated chain gives no bound on the standard deviation")
         else:
             low, high = self.quantile_bounds(what)
             found = Answer(float(self.quantile(what)), float(low), float(high))

@@ -163,7 +163,8 @@ def stationary_of(transitions: Transitions, start: Floats) -> Stationary:
             rest_error = max(rest_error, own_error)
     except TooLargeError as refusal:
         raise ValueError(
-            f"the stationary distribution is out of reach: {refusal}; start from fewer copies, or solve for a late time"
+            f"the stationary distribution is out of reach: {refusal}; start from smaller counts or solve for a late "
+            f"time"
         ) from None
     error = weights_error + rest_error + 2.0 * ROUNDOFF * (weights_error + rest_error > 0)
     return Stationary(probabilities, tuple(classes), weights[is_reached], error, transitions.is_certified)

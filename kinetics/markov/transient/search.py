@@ -25,8 +25,8 @@ MANY = 1024  # states whose laws are worth evaluating at once
 MOST_AHEAD = 4096  # states that are judged beside those, before they are known to be reached
 NOTHING_STOPS = np.zeros(0, dtype=bool)
 ADVICE = (
-    "Start from fewer copies, stop the network's growth, keep only the likely states by the method 'fsp', follow the "
-    "chain in some of them (`Chain.of(..., truncate=...)`), or sample with the direct method instead"
+    "Start from smaller counts, stop the network's growth, keep only the likely states by the method 'fsp', "
+    "truncate the chain (`Chain.of(..., truncate=...)`), or sample with the direct method instead"
 )
 
 

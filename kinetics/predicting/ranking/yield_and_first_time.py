@@ -155,7 +155,7 @@ def _sampled(
     network, start, method = model.network, model.initial, path_method(model.network)
     forecast_runs(network, method, start, np.array([end]), n)
     until = f"{quoted(target)} >= 1"
-    found = method.simulate(network, start, end, n, seed, first_run=first_run, until=until)
+    found = method.first_times(network, start, until, end, n, seed, first_run=first_run)
     targets = method.simulate(network, start, [end], n, seed, first_run=first_run)[target][:, 0]
     cost = time.process_time() - began
     return (
