@@ -49,7 +49,7 @@ class ClassSpread:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """A sentence on the spread."""
         rates = [
             f"{name}: {n} in {x:.3g} tu" for name, n, x in zip(self.groups, self.events, self.exposure, strict=True)
         ]
@@ -121,7 +121,7 @@ def _only_key(fit: ClassFit, ways: Iterable[Any]) -> str | None:
 
 
 def _properties(derivation: Derivation, event: Any) -> tuple[str, str, int]:
-    """Of a channel: the largest structure that takes part, the sizes of the two sides, bonds that form or break."""
+    """Properties of a channel: its largest structure, the sizes of the two sides, bonds that form or break."""
     species = derivation.network.species
     structures = list(derivation.structures.values())
     apart, whole = (event.before, event.after[0]) if len(event.before) == 2 else (event.after, event.before[0])

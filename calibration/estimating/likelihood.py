@@ -41,7 +41,7 @@ class Evidence:
     exposure: Floats
 
     def log_likelihood(self, coefficients: Floats) -> float:
-        """At coefficients (P,); nan counts as 0, -inf if an event that happened could not."""
+        """The log-likelihood at coefficients (P,); nan counts as 0, -inf if an event that happened could not."""
         k = np.nan_to_num(coefficients)
         with np.errstate(divide="ignore"):
             return float(np.log(self.at_events @ k).sum() - self.exposure @ k)
@@ -63,7 +63,7 @@ class Evidence:
 
 
 class _OfPath(NamedTuple):
-    """Of one path: exposure (P, L) of each sort of channel, sorts (n,) that fired, and parts (n, P) at these events."""
+    """Evidence of one path: exposure (P, L) of each sort of channel, sorts (n,) fired, and parts (n, P) at events."""
 
     exposure: Floats
     fired: Ints
@@ -149,7 +149,7 @@ class PathLikelihood:
         return np.asarray(total @ self.grouping.shares)
 
     def mixed(self, events: Floats) -> MixedEvidence | None:
-        """Of all constants together, where the shape only weights parts and every constant has one coefficient.
+        """The evidence on all constants together; None unless the shape only weights parts and the model has one term.
 
         events : (K,) of each constant
         """

@@ -71,7 +71,7 @@ class ObservedStudy:
 
     @property
     def made(self) -> str:
-        """How the runs were made, in a sentence."""
+        """A sentence on how the runs were made."""
         return "Others observed the runs; their tables are the data."
 
     @cached_property

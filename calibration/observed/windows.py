@@ -1,4 +1,4 @@
-"""From when to when each run was observed, and what it began with: from marked rows, or from a table of the runs."""
+"""Observation windows and initial counts of runs: from marked rows, or from a table of the runs."""
 
 from __future__ import annotations
 

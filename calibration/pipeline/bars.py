@@ -27,7 +27,7 @@ class Bar:
     is_cleared: bool | None
 
     def to_dict(self) -> dict[str, Any]:
-        """For tables and JSON."""
+        """The bar as a row for tables and JSON."""
         return vars(self)
 
     @property

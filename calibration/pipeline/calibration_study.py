@@ -50,7 +50,7 @@ class CalibrationStudy:
 
     @property
     def made(self) -> str:
-        """How the runs were made, in a sentence."""
+        """A sentence on how the runs were made."""
         if "plan" in self.settings:
             return f"Tanks, runs and lengths are those of the plan {self.settings['plan']}."
         return "Runs start from single cubes and are not restarted: rates are measured along the assembly itself."
@@ -78,7 +78,7 @@ class CalibrationStudy:
 
     @property
     def cpu_seconds(self) -> float:
-        """Of all runs."""
+        """The diagnosis of all runs."""
         return sum(record.cost["cpu_seconds"] for record in self.outcome.records)
 
     @property

@@ -49,7 +49,7 @@ class ClassStudy:
 
     @cached_property
     def spreads(self) -> tuple[ClassSpread, ...]:
-        """Of each constant, whether it serves all that is pooled in it."""
+        """The tests of each constant: does it fit all the channels pooled in it?"""
         return class_spreads(self._books, self.calibration)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What a plan is to reach; and of any plan what it will show, at which cost, and what it does not reach."""
+"""The aims of a plan, and of any plan its power, cost and shortfalls."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class HeldOutTest:
     limit: float
 
     def to_dict(self, runs: int) -> dict[str, Any]:
-        """With so many runs planned, ready for JSON."""
+        """The power with so many runs planned, ready for JSON."""
         return {
             "cubes": self.cubes,
             "group": self.power.group,

@@ -1,4 +1,4 @@
-"""What runs cost: as stored runs alike did, or as a short timed trial shows."""
+"""The cost of runs, from similar stored runs or from a short timed trial."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class RunCosts:
         self._per_tu = {kind: seconds / tu for kind, (seconds, tu) in spent.items() if tu > 0}
 
     def __call__(self, spec: RunSpec) -> float:
-        """Of one run."""
+        """The CPU time of one run, s."""
         kind = _kind(spec.scene.content, spec.composition)
         if kind not in self._per_tu:
             stage(f"a short trial for the cost of a run: {spec.title}")

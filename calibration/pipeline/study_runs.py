@@ -53,7 +53,7 @@ def problems_of(outcome: Outcome) -> list[str]:
 
 
 def diagnosed(records: Sequence[RunRecord], fit: RateFit | Rates | None) -> Diagnosis:
-    """By pieces too, where all records know the cubes of their events."""
+    """The diagnosis of runs; rebinding is also tested by cubes, if all records know those of their events."""
     bonds = [record.arrays["bonds"] for record in records if "bonds" in record.arrays]
     return diagnose([record.path for record in records], fit, bonds if len(bonds) == len(records) else None)
 

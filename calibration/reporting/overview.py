@@ -71,7 +71,7 @@ def calibration_report(study: CalibrationStudy | ObservedStudy) -> HtmlReport:
 
 
 def validation_report(study: ValidationStudy, rules: Sequence[Bar] = ()) -> HtmlReport:
-    """How predictions stand against held-out runs; `rules` of a plan, and what came of them."""
+    """The report of predictions against held-out runs; `rules` : the bars of a plan, with results."""
     return HtmlReport("Held-out runs", _rule_parts(rules) + _validation_parts(study), study.rates.evidence)
 
 

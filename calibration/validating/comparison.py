@@ -103,7 +103,7 @@ class CrossValidation(Shown):
 
     @property
     def headline(self) -> str:
-        """Of what, and how many runs beside how many predicted groups."""
+        """One line: the name of the comparison, and the numbers of runs and predicted groups."""
         return f"{self.name}: {self.runs} held-out runs, compared with {self.groups} predicted groups of as many"
 
     def summary(self) -> ResultTable:

@@ -94,7 +94,7 @@ class EventTotals:
 
     @classmethod
     def of(cls, events: Ints, expected: Floats) -> EventTotals:
-        """From each run's events and expected events (D, n, G)."""
+        """Totals from each run's events and expected events (D, n, G)."""
         seen, total = events.sum(axis=1), expected.sum(axis=1)
         factor = np.divide(seen, total, out=np.zeros(total.shape), where=total > 0)
         fitted = expected * factor[:, None]
@@ -167,7 +167,7 @@ class HeldOutEvents:
 
     @cached_property
     def observed(self) -> EventTotals:
-        """Of the held-out runs, D = 1."""
+        """The totals of the held-out runs, D = 1."""
         return EventTotals.of(self.seen[None], self.expected[None])
 
     @cached_property
@@ -179,7 +179,7 @@ class HeldOutEvents:
 
     @cached_property
     def first_totals(self) -> EventTotals:
-        """Of the groups simulated at first."""
+        """The totals of the groups simulated at first."""
         return EventTotals.of(*self.first_runs)
 
     @cached_property
@@ -188,7 +188,7 @@ class HeldOutEvents:
         return looks(self.first, self.most)
 
     def totals(self, groups: int) -> EventTotals:
-        """Of the first groups, as many as one of the `looks`; they are simulated once."""
+        """The totals of the first groups, as many as one of the `looks`; they are simulated once."""
         while (known := sum(len(part.seen) for part in self._parts)) < groups:
             stage(f"{known} of {groups} simulated groups of runs")
             self._parts.append(self._totals(self.groups.events(known, groups, self.until)))
@@ -196,7 +196,7 @@ class HeldOutEvents:
 
     @cached_property
     def _parts(self) -> list[EventTotals]:
-        """Of the groups simulated so far."""
+        """The totals of the groups simulated so far."""
         return [self.first_totals]
 
     @property

@@ -67,7 +67,7 @@ class FirstTimeComparison(Shown):
 
     @property
     def headline(self) -> str:
-        """Of which species, in how many runs."""
+        """One line: the species, and the number of runs."""
         return f"first {self.species} in {len(self.observed)} runs until {self.horizon:g} tu; p {self.p_value:.2g}"
 
     def summary(self) -> ResultTable:

@@ -79,7 +79,7 @@ class GrowthComparison(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """Of what, and how many runs beside how many predicted groups."""
+        """One line: the label of the comparison, and the numbers of runs and predicted groups."""
         return f"{self.label}, {self.runs} runs, compared with {self.groups} predicted groups of as many"
 
     def summary(self) -> ResultTable:

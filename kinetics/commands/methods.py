@@ -27,11 +27,11 @@ class MethodName(click.Choice[str]):
     case_sensitive = True
 
     def __init__(self) -> None:
-        """All of them."""
+        """The methods to choose from."""
 
     @property
     def choices(self) -> Sequence[str]:  # type: ignore[override]
-        """Their names, in the order of the help."""
+        """The names of the methods, in the order of the help."""
         return names()
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:

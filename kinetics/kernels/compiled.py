@@ -193,7 +193,7 @@ def file_states(folder: Path) -> set[tuple[str, int, int, int]]:
 
 
 def sources_hash(folder: Path) -> str:
-    """Of all that decides what the kernels in a folder compile to: their sources, this file, and Numba's version."""
+    """A hash of all that kernels in a folder are compiled from: their sources, this file, and Numba's version."""
     seen = hashlib.sha256(numba.__version__.encode())
     for path in (Path(__file__), *sorted(folder.glob("*.py"))):
         text = path.read_bytes()

@@ -1,4 +1,4 @@
-"""Where runs stand between calls of a kernel, and where they stop; plain Python, for all that read it."""
+"""State of runs between calls of a kernel, and their stop condition; plain Python, importable without Numba."""
 
 from typing import NamedTuple
 
@@ -25,7 +25,7 @@ class EnsembleWork(NamedTuple):
 
 
 def ensemble_work(n_species: int) -> EnsembleWork:
-    """Before the first run."""
+    """A workspace before the first run."""
     return EnsembleWork(
         np.ones(n_species + 1, dtype=np.int64), np.zeros(3), np.zeros(4, dtype=np.uint64), np.array([0, 0, BEFORE, 0])
     )

@@ -128,7 +128,7 @@ def work_for(n_channels, n_species):
 
 @compiled
 def propensity(laws, r, copies):
-    """Of channel r at counts `copies` (S + 1,) in doubles, the last one 1; it never falls where a count rises."""
+    """Propensity of channel r at counts `copies` (S + 1,) in doubles, the last one 1; it is monotone in each count."""
     value = laws.coefficients[r]
     for j in range(laws.factors.shape[1]):
         here = copies[laws.factors[r, j, 0]]

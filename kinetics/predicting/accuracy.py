@@ -16,7 +16,7 @@ KINDS = ("mean", "sd", "distribution")
 
 @dataclass(frozen=True)
 class AskedAccuracy:
-    """How far a prediction may be off, for all species shown and all times together.
+    """The largest error allowed in a prediction, for all species shown and all times together.
 
     value : the largest error. Of means and standard deviations in copies, or where `is_relative` as a share of the
         species' largest mean (sd) over the times, and of one copy at least, so that rare species need no digits.
@@ -54,7 +54,7 @@ class AskedAccuracy:
 
     @classmethod
     def of_text(cls, text: str, of: str = "mean") -> AskedAccuracy:
-        """From "1%" or "0.5"; of a distribution both are probabilities."""
+        """Read an accuracy from "1%" or "0.5"; for a distribution both are probabilities."""
         stripped = text.strip()
         is_percent = stripped.endswith("%")
         try:
@@ -175,7 +175,7 @@ class Reached:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """The accuracy reached as a dictionary, ready for JSON."""
         best = self.tenfold
         return {
             "asked": self.asked.value,

@@ -73,7 +73,7 @@ class Elasticities(Shown):
 
     @property
     def note(self) -> str:
-        """How they were found, for the reader."""
+        """A line for people on how the elasticities were found."""
         how = (
             "exact derivatives at the posterior mean of each parameter"
             if self.is_exact
@@ -85,7 +85,7 @@ class Elasticities(Shown):
 
     @property
     def headline(self) -> str:
-        """How many there are."""
+        """One line: the numbers of figures and parameters."""
         kind = "exact" if self.is_exact else "from draws of the rates"
         return f"elasticities of {self.prediction.size} figures to {len(self.parameters)} parameters, {kind}"
 
@@ -99,7 +99,7 @@ class Elasticities(Shown):
         return ResultTable(self.headline, ("parameter", "smallest", "largest", "largest share"), rows, [self.note])
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it but the prediction; arrays are (P, ...)."""
+        """The elasticities, without the prediction, ready for JSON; arrays are (P, ...)."""
         return {
             "parameters": self.parameters,
             "is_rate": self.is_rate,
@@ -207,7 +207,7 @@ def passage_elasticities(
 
 
 def exact_elasticities(posterior: RatesPosterior, solved: Callable[[Network], Gradients]) -> Elasticities:
-    """From the derivatives of the predictions by the rate constants, and of these by the parameters.
+    """Elasticities by the chain rule: derivatives of predictions by rate constants, times those by the parameters.
 
     solved : of a network, its predictions (...) and their derivatives (R', ...) by the logarithm of each rate constant
     The share of a parameter is that of the linear propagation of errors. Cost: that of `solved`, once.
@@ -247,7 +247,7 @@ def _constants(posterior: RatesPosterior) -> tuple[Floats, Floats]:
 
 
 def elasticities_of_draws(drawn: DrawMeans) -> Elasticities:
-    """By linear regression of the means under single draws on the parameters, each over its posterior mean.
+    """Elasticities by linear regression of means under single draws on the parameters, each over its posterior mean.
 
     For a rate k with a Gamma posterior the coefficient is E[k d mean / dk], whatever the curvature, because
     Cov(k, f) = E[k f'(k)] / exposure (Stein's identity for the Gamma distribution: Diaconis & Zabell 1991,

@@ -47,7 +47,7 @@ class PassagePrediction(Shown):
 
     @property
     def headline(self) -> str:
-        """Its mean time, with the interval from the rates."""
+        """One line: the mean time, with the interval from the rates."""
         mean = in_unit(f"{self.mean.value:.4g}", self.passage.time_unit)
         known = f" [{self.mean.low:.4g}, {self.mean.high:.4g}], 95 % from the rates"
         return f"time until {self.passage.target}: mean {mean}{known if self.mean.kind == CONFIDENCE else ''}"

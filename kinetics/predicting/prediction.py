@@ -273,12 +273,12 @@ class _Found(NamedTuple):
 
 
 def _solved(job: Job, method: SolvingMethod) -> _Found:
-    """By a method that solves the master equation."""
+    """Predict by a method that solves the master equation."""
     return _Found(job.distribution(method.solve(job.model.network, job.model.initial, job.grid)), method.name)
 
 
 def _sampled(job: Job, method: SamplingMethod, runs: int, posterior: RatesPosterior | None, draws: int) -> _Found:
-    """By runs: spread over draws of the rates where these have evidence."""
+    """Predict by runs, spread over draws of the rates if these have evidence."""
     name = method.name_for(job.model.network, job.model.initial)
     if posterior is not None:
         spread = runs_over_draws(job, posterior, runs, draws, method)
@@ -296,7 +296,7 @@ def _sampled(job: Job, method: SamplingMethod, runs: int, posterior: RatesPoster
 
 
 def _adapted(job: Job, accuracy: AskedAccuracy | str | float, budget: float | None) -> _Found:
-    """By the cheapest way to an accuracy."""
+    """Predict by the cheapest way to an accuracy."""
     from kinetics.predicting.accuracy import accuracy_of
     from kinetics.predicting.adaptive import adaptive_prediction
     from kinetics.predicting.tuning import BUDGET

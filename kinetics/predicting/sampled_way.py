@@ -230,7 +230,7 @@ class RunsUntil:
         return max(planned, tuning.LEAST_GROWTH * self.tally.runs)
 
     def _rounded(self, runs: float) -> int:
-        """At least so many, as cost no more."""
+        """At least so many runs, rounded up to what costs no more."""
         return self.together * ceil(runs / self.together)
 
     def _made(self, wanted: int) -> Attained:

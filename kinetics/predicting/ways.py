@@ -1,4 +1,4 @@
-"""What a way to an accuracy is: it forecasts its cost, and is attempted when that is the least."""
+"""The base of all ways to an accuracy: each forecasts its cost, and the cheapest is attempted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the breaks of a rates file depend on their partners: the break model, its shape, and what is known of it."""
+"""The dependence of breaks on their partners in a rates file: the break model, its shape, and their posterior."""
 
 from __future__ import annotations
 

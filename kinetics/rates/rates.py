@@ -39,7 +39,7 @@ class Convention(Settings):
 
     @classmethod
     def of(cls, network: Network) -> Convention:
-        """How the propensities of `network` are put together."""
+        """The convention by which propensities of `network` count combinations."""
         return validated(cls, {"combinations": network.combinations, "time_unit": network.time_unit}, "the network")
 
 

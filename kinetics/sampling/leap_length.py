@@ -1,4 +1,4 @@
-"""How many events an exact leap from given counts would hold, found without a kernel: `auto` knows costs by it."""
+"""The number of events of an exact leap from given counts, found without a kernel, so that `auto` can use it."""
 
 from __future__ import annotations
 

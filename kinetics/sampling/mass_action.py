@@ -65,7 +65,7 @@ def order_refusal(network: Network) -> str:
 
 
 def _coefficient(network: Network, r: int) -> float:
-    """Of a channel of like reactants counted as distinct sets."""
+    """The coefficient of a channel: rate constant times multiplicity over the factorials of its reactants' copies."""
     coefficient = float(network.known_rates[r] * network.ways[r])
     for copies in network.sparse_reactants.row(r)[1].tolist():
         coefficient = over_factorial(coefficient, copies, network.channels[r])

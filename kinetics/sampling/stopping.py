@@ -51,7 +51,7 @@ def _table(condition: Condition, network: Network) -> Stop:
 
 
 class _Comparison(NamedTuple):
-    """One comparison: whole weights by species, between which their sum is to be, and what comes next."""
+    """One comparison: whole weights by species, the range for their sum, and the places to go on at."""
 
     weights: dict[int, int]
     low: float

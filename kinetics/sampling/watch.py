@@ -120,7 +120,7 @@ class Watch:
         return self.until.of_channels(channels), self.reached[first_run - self.first_run :][:runs]
 
     def pause(self, began: float) -> None:
-        """Between calls of a kernel: `hear`, and settle how many events the next call makes.
+        """Between calls of a kernel, `hear` Ctrl-C and set how many events the next call makes.
 
         began : when the last call did, by `perf_counter`; the next one is to take a fraction of a second
         """

@@ -150,7 +150,7 @@ def trend_test(channels: Sequence[Trended], rng: np.random.Generator) -> tuple[f
     scores = [c / np.sqrt(variance) for c in centred]
 
     def tilted(slope: float) -> Independent:
-        """Of counts whose rates do go as exp(slope * score)."""
+        """A proposal whose rates go as exp(slope * score)."""
         logs = [slope * score for score in scores]
         shifted = [share * np.exp(log - log.max()) for share, log in zip(shares, logs, strict=True)]
         return Independent([Multinomial(*each) for each in zip(sums, shifted, shares, strict=True)])

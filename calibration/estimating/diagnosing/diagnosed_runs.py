@@ -1,4 +1,4 @@
-"""What diagnostics read: runs, and the clock of every channel's hazard under a model of rates."""
+"""The data of diagnostics: runs, and the clock of every channel's hazard under a model of rates."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Diagnosis(Shown):
 
     @property
     def headline(self) -> str:
-        """How many answers, and how many of them fail."""
+        """One line: the number of results, and how many fail."""
         return f"{len(self.tested)} of {len(self.results)} answers have a p-value, {len(self.failed)} fail"
 
     def summary(self) -> ResultTable:

@@ -185,7 +185,7 @@ class Passes:
         self._places = np.searchsorted(keys, chain.rows * n + chain.columns)
 
     def gradient(self, f: int) -> Gradient:
-        """Of the mean of one of the functions."""
+        """The gradient of the mean of one of the functions."""
         entries, start, functions, scales, impulses = self._kept
         chain, scale, lost = entries.transitions, float(scales[f]), self._lost
         found = self._back(functions[f])

@@ -73,7 +73,7 @@ class Derivatives(Shown):
         return values / by if by else np.full_like(values, np.nan)
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it; arrays are (P,)."""
+        """The derivatives as a dictionary, ready for JSON; arrays are (P,)."""
         low, high = self.elasticity_bounds
         return {
             "parameters": self.parameters,
@@ -93,7 +93,7 @@ class Derivatives(Shown):
 
     @property
     def headline(self) -> str:
-        """Of which answer, by how many parameters."""
+        """One line: the answer, the number of parameters and the method."""
         return f"derivatives of {self.answer.value:.6g} by {len(self.parameters)} parameters; method {self.method}"
 
     def summary(self) -> ResultTable:

@@ -94,7 +94,7 @@ class Elimination(Equations):
         return found / (1.0 - self.error) if self.error < 0.1 else np.full_like(found, np.inf)
 
     def _back(self, x: Floats) -> Floats:
-        """From the order of the band to that of the caller."""
+        """Values reordered from the order of the band to the caller's."""
         result = np.empty_like(x)
         result[self._order] = x
         return result

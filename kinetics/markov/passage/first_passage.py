@@ -70,7 +70,7 @@ class Passage(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """Of what it is, its mean, and the number of states."""
+        """One line: the target, the mean, and the number of states."""
         return f"time until {self.target}: {self._mean_in_words}; {self.n_states} states"
 
     def summary(self) -> ResultTable:

@@ -155,7 +155,7 @@ class Iteration(Equations):
         return found
 
     def _comparison(self, like: Floats, is_occupation: bool, known: Floats | None = None) -> Comparison:
-        """Of a vector as large as the solution, times the jumps that the chain has left.
+        """The comparison vector from one as large as the solution, times the jumps that the chain has left.
 
         known : (n,) what A makes of `like` at least; if that is even, it is the vector
         """

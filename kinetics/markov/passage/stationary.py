@@ -249,7 +249,7 @@ def _rest_within(transitions: Transitions, members: NDArray[np.intp]) -> tuple[F
 
 
 def _by_iteration(chain: Transitions) -> tuple[Floats, float]:
-    """Between visits to a likely state: of a first guess, then of what a rough solution says."""
+    """Solve between visits to a likely state: first a guessed one, then the likeliest of a rough solution."""
     guess = _guessed(chain)
     for _ in range(ANCHORS):
         anchor = int(np.argmax(guess))
@@ -275,7 +275,7 @@ def _guessed(chain: Transitions) -> Floats:
 
 
 def _by_factors(chain: Transitions) -> tuple[Floats, float]:
-    """Between visits to a likely state: first one where the likeliest jumps end, then the likeliest."""
+    """Solve between visits to a likely state: first the one where the likeliest jumps end, then the likeliest."""
     fastest = np.lexsort((chain.rates, chain.rows))
     last = np.append(np.flatnonzero(np.diff(chain.rows[fastest])), chain.rows.size - 1)
     likeliest = chain.columns[fastest[last]]

@@ -55,7 +55,7 @@ class AlwaysQuestion(Question):
 
     @property
     def settled(self) -> Settled | None:
-        """It is settled outside of the states, if these count from the start."""
+        """The answer is decided outside of the states, if these count from the start."""
         return None if self.after else Settled(None, self.states)
 
     @property

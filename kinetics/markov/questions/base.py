@@ -1,4 +1,4 @@
-"""What every kind of question to a chain says, so that answers, derivatives and samples need to know no kind."""
+"""The base of all questions to a chain; answers, derivatives and samples use only its methods."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class Question(ABC):
 
     @property
     def sampling(self) -> AtTime | Decided | Along | None:
-        """How runs answer it; None if runs of finite length do not."""
+        """How runs of finite length answer the question; None if they cannot."""
         return None
 
     def check(self, model: Model) -> None:

@@ -88,7 +88,7 @@ class RewardQuestion(Question):
 
     @property
     def settled(self) -> Settled | None:
-        """It is settled in the target, if there is one."""
+        """The answer is decided in the target, if there is one."""
         return None if self.until is None else Settled(self.until, None)
 
     @property

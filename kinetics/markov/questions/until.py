@@ -77,7 +77,7 @@ class UntilQuestion(Question):
 
     @property
     def settled(self) -> Settled | None:
-        """It is settled outside of the states on the way, and in the target if that counts from the start."""
+        """The answer is decided outside of the states on the way, and in the target if that counts from the start."""
         if self.after:
             return Settled(None, self.through) if self.through is not None else None
         return Settled(self.target, self.through)

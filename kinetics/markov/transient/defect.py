@@ -55,7 +55,7 @@ class FixedPointChain:
 
     @classmethod
     def of(cls, entries: Entries, n: int, longest: float, tolerance: float) -> FixedPointChain:
-        """With so many digits that what is cut off in steps up to `longest`, tu, is far below the tolerance."""
+        """A defect with so many digits that truncation in steps up to `longest`, tu, is far below the tolerance."""
         from scipy.sparse import csr_array
 
         arithmetic = FixedPoint.of(n + 1)
@@ -97,7 +97,7 @@ class FixedPointChain:
         return self.arithmetic.carry(planes.sum(axis=2))
 
     def defect(self, planes: Floats, start: Floats, length: Fraction) -> Defect:
-        """Of a polynomial that should begin at the digits `start` (count + 1, N).
+        """The defect of a polynomial that should begin at the digits `start` (count + 1, N).
 
         length : of the step, tu, a power of two of at least 2**(2 - e)
         """

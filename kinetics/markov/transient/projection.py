@@ -99,7 +99,7 @@ class _Window(NamedTuple):
     traffic: Floats
 
     def unrest(self) -> tuple[float, float]:
-        """At the end, in 1/tu: the sum of |p Q|, all flow out of the set included; and the mass that moves."""
+        """At the end, 1/tu: the sum of |p Q| with all flow out of the set, and the flow of probability."""
         mass = self.solved.probabilities[-1]
         outflow = self.chain.arrays.exits * mass
         # Not `leaks @ mass`: BLAS would wake threads that cost more than they save.
@@ -234,7 +234,7 @@ class _Front:
         return Distribution(space, self.grid, probabilities, error, self.is_certified, is_complete=False)
 
     def too_many(self) -> str:
-        """How far it came, and how the likely states spread."""
+        """A sentence on how far the projection came, and how the likely states spread."""
         low, high = self.states.min(axis=0), self.states.max(axis=0)
         spread = sorted(zip(high - low, self.network.species, low, high, strict=True), reverse=True)[:3]
         ranges = ", ".join(f"{name} {a} to {b}" for _, name, a, b in spread)

@@ -122,7 +122,7 @@ class Search:
         return rows
 
     def stopped(self) -> Mask:
-        """In which of the states (N,) nothing more happens."""
+        """True (N,) for the states in which nothing more can happen."""
         if self._stop is None:
             return np.zeros(self._n, dtype=bool)
         return np.concatenate([self._stops(self.states[k : k + CHUNK]) for k in range(0, self._n, CHUNK)])

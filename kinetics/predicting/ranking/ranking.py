@@ -108,7 +108,7 @@ class Ranking(Shown, Tabular):
         return f"{len(self.books)} rule books by {self.by}, {self.cubes} cubes until {self.horizon:g} tu: {best}"
 
     def summary(self) -> ResultTable:
-        """One row per book, then what the figures mean."""
+        """A table with a row per book, and notes on the figures."""
         titles = ("", "book", "joins", "letters", "yield", "first (tu)", "reached", "CPU (s)")
         rows = []
         for place, candidate in zip(self.places, self.books, strict=True):

@@ -106,7 +106,7 @@ class Scan(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """Its size, how it was answered, and the cost."""
+        """One line: the size of the scan, how it was answered, and the cost."""
         done = [each for answers in self.answers if answers for each in answers]
         points = sum(answers is not None for answers in self.answers)
         of_all = "" if self.is_complete else f" of {len(self.answers)}"

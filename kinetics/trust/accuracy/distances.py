@@ -72,7 +72,7 @@ class Certainty:
     values: Floats
 
     def distance(self, exact: Marginals) -> Distance:
-        """From the exact marginals: mean distance of a count from the number."""
+        """The distance from the exact marginals: mean distance of a count from the number."""
         found = []
         for value, table in zip(self.values.T, exact.tables, strict=True):
             off = np.arange(table.shape[1]) - value[:, None]

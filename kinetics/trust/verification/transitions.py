@@ -33,7 +33,7 @@ class BetweenTimes(SamplerCheck):
     sees = "counts that do not follow from those at the time before, as if taken from another run"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
-        """Of every pair of neighbouring times."""
+        """Yield findings of every pair of neighbouring times."""
         times = sample.reference.solution.times
         for t, (begin, end) in enumerate(pairwise(times)):
             yield from _centred(sample, t, f"from {begin:g} to {end:g} tu")
