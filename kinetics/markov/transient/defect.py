@@ -111,9 +111,12 @@ class FixedPointChain:
         slopes = arithmetic.carry(planes @ radau_tables(size - 1).derivative.T)
         rest = np.zeros((self.count + whole + 2, *planes.shape[1:]))
         rest[whole + 1 :] = slopes * 2.0 ** (bits - part)
+        # u Q, plane by plane of digits; only now is the difference rounded to doubles.
         rest[: self.count + 1] -= arithmetic.multiply(planes, self.rates, self.count, by=_flows)
         coefficients = self.values(arithmetic.carry(rest)) * 2.0**m
         sizes = np.abs(self.values(planes)).sum(axis=0)
+        # |u(t) - p(t)| is at most |jump| plus the integral of |u' - u Q|, as exp(Q t) enlarges no sum of absolute
+        # values. The digits cut off in the product count as defect.
         lost = 2.0**m * (arithmetic.lost(self.count) + self.cut * sizes)
         bound = integrals_of(size) @ (np.abs(coefficients).sum(axis=0) + lost) + np.abs(jump).sum()
         return Defect(coefficients, jump, ABOVE * float(bound))

@@ -147,6 +147,7 @@ class _Front:
         for probabilities in window.solved.probabilities[:-1]:
             self._note(window.states, probabilities)
         self.time, mass = window.end, window.solved.probabilities[-1]
+        # Drop states with little probability now and little that passed through in the window.
         matters = _largest(mass + window.traffic, allowed)
         self.states, self.mass = window.states[matters], mass[matters]
         self.rounding += window.solved.error
