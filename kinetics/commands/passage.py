@@ -249,7 +249,7 @@ def _sample(
     as_json: bool,
 ) -> None:
     """First times of runs that end with the passage, at the posterior mean of each rate constant."""
-    from kinetics.network.laws.expression import quoted
+    from kinetics.network.laws.writing import quoted
     from kinetics.runs import TruncatedRunsError
     from kinetics.sampling import simulate
     from kinetics.sampling.watch import MAX_EVENTS
