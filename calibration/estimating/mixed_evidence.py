@@ -33,7 +33,7 @@ class MixedEvidence:
     def mle(self, weights: Floats, held: tuple[int, float] | None = None) -> Floats:
         """Largest log-likelihood (...) at weights (..., P); of `held`, position and value, a coefficient is given.
 
-        Exact; -inf where an event that happened could not. Cost: a logarithm an event and set of weights.
+        Exact; -inf if an event that happened could not. Cost: a logarithm an event and set of weights.
         """
         from scipy.special import xlogy
 

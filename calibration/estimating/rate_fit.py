@@ -142,7 +142,7 @@ class RateFit(Shown):
 
         The level is approximate, with an error of order 1 / events; unlike a standard error the limits respect that
         parameters are not negative. They are (0, inf) for a parameter that was not measured, and end with the range of
-        a shape parameter. Where a channel has one term and no shape is fitted, `exact_limits` is the better choice.
+        a shape parameter. If a channel has one term and no shape is fitted, `exact_limits` is the better choice.
         """
         from scipy.special import chdtri
 

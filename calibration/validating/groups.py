@@ -37,7 +37,7 @@ class SimulatedGroups:
     network : the derived network; rates : their posterior is drawn from
     initial : (S,) counts; runs : n
     number : of the experiment in its study
-    tank : that of the runs; None where it is not known, which is then that of the rates
+    tank : that of the runs; None if it is not known, which is then that of the rates
     """
 
     network: Network

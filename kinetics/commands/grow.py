@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 MAX_FINAL = 50  # structures in JSON
 SHOWN_FINAL = 5  # for people
-MAX_WIDTH = 100  # of a structure in words
+MAX_WIDTH = 100  # of a structure as text
 FRAMES = 8  # of a strip
 
 

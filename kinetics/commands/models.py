@@ -79,7 +79,7 @@ def applied(model: Model, rates: Rates | BookRates | None, tank: Tank | None) ->
 
 
 def conditions(model: Model, rates: Rates | BookRates | None, tank: Tank | None) -> dict[str, Any]:
-    """How a propensity is put together, how bonds break and in which tank, for JSON; None where that is not known."""
+    """The convention of propensities, the break model and the tank, for JSON; None if that is not known."""
     from kinetics.rates import Convention
 
     if rates is None:

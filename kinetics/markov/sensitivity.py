@@ -176,7 +176,7 @@ class Sensitivity:
         return self._derivatives(gradient, cdf.method, time.process_time() - began)
 
     def _density(self, goal: Mask, at: float) -> Density:
-        """Of the time to a target, at a time, tu."""
+        """The density of the time to a target at a time, tu, with bounds on its change nearby."""
         chain = self._chain.transitions.stopped(goal)
         hits = goal[chain.columns]
         into = totals(chain.rows[hits], chain.rates[hits], goal.size)
@@ -203,7 +203,7 @@ class Sensitivity:
         given = reward_asked(self._chain, name, at, up_to, until, stationary)
         if given.error:
             found = self._of_reward(given, at, up_to, until)
-            return replace(found, is_bound=False)  # how a rounded reward weighs in differences, nobody knows
+            return replace(found, is_bound=False)  # the effect of rounding in a reward on differences has no bound
         return self._of_reward(given, at, up_to, until)
 
     def _of_reward(self, given: Reward, at: float | None, up_to: float | None, until: Target | None) -> Derivatives:
@@ -274,7 +274,7 @@ class Sensitivity:
         stops: Mask | None = None,
         start: Floats | None = None,
     ) -> list[Derivatives]:
-        """Of means at a time, of the chain that is stopped, from another start (N,) if one is given."""
+        """Gradients of means at a time, of the stopped chain, from another start (N,) if one is given."""
         end, entries, space = one_time("time", at), self._entries, self._chain.space
         start = self._start if start is None else start
         if stops is not None:
@@ -304,7 +304,7 @@ class Sensitivity:
         return [self._derivatives(each, method, seconds) for each in found]
 
     def _derivatives(self, found: Gradient, method: str, seconds: float) -> Derivatives:
-        """By parameters, with the bounds of each."""
+        """A gradient by channels as derivatives by parameters, with bounds."""
         answer, value, wide, is_bound = found
         low, high = value - wide, value + wide
         return Derivatives(self._names, answer, value, low, high, is_bound, self._constants, method, seconds)

@@ -16,13 +16,13 @@ KINDS = ("mean", "sd", "distribution")
 
 @dataclass(frozen=True)
 class AskedAccuracy:
-    """How far a prediction may be off, for all species shown and all times together.
+    """The largest error allowed in a prediction, for all species shown and all times together.
 
     value : the largest error. Of means and standard deviations in copies, or where `is_relative` as a share of the
         species' largest mean (sd) over the times, and of one copy at least, so that rare species need no digits.
         Of distributions it is the largest error of the probability of at most n copies, for any n
     of : "mean", "sd" or "distribution"
-    ValueError: a value that is no number from 1e-12, or above 1 where it is relative or a probability
+    ValueError: a value that is no number from 1e-12, or above 1 if it is relative or a probability
 
     >>> from kinetics.predicting import AskedAccuracy
     >>> AskedAccuracy.of_text("1%"), AskedAccuracy.of_text("0.5", of="sd")
@@ -54,7 +54,7 @@ class AskedAccuracy:
 
     @classmethod
     def of_text(cls, text: str, of: str = "mean") -> AskedAccuracy:
-        """From "1%" or "0.5"; of a distribution both are probabilities."""
+        """Read an accuracy from "1%" or "0.5"; for a distribution both are probabilities."""
         stripped = text.strip()
         is_percent = stripped.endswith("%")
         try:
@@ -113,13 +113,13 @@ class Reached:
     """The accuracy of a prediction that was made for one.
 
     asked : what was asked for
-    error : bound on the error, in the unit of `asked`; inf where none is known
+    error : bound on the error, in the unit of `asked`; inf if none is known
     is_proven : whether the bound is proven, else that of an interval by the normal distribution
     confidence : of the bound, for all figures together; 1 for a solution
     chosen : method that gave the answer
     candidates : all that were considered, with their forecast costs
-    tenfold : the cheapest for a tenth of the error, and its forecast cost; None where none can reach it
-    rare : of an answer by runs, how rare events were allowed for; empty where none showed
+    tenfold : the cheapest for a tenth of the error, and its forecast cost; None if none can reach it
+    rare : of an answer by runs, how rare events were allowed for; empty if none showed
 
     >>> from kinetics import Network, predict
     >>> decay = Network.from_text("A -> 0, 0.1")
@@ -175,7 +175,7 @@ class Reached:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """The accuracy reached as a dictionary, ready for JSON."""
         best = self.tenfold
         return {
             "asked": self.asked.value,

@@ -53,7 +53,7 @@ class DrawMeans:
     def limits(self, inside: Floats) -> tuple[Floats, Floats]:
         """95 % interval of the mean (T, S) from the rates; it holds `inside` (T, S), the estimate that it belongs to.
 
-        The posterior mean lies outside of the middle 95 % where its distribution is very skew, as for what hardly ever
+        The posterior mean lies outside of the middle 95 % where its distribution is very skewed, as for what rarely
         happens.
         """
         low, high = noise_free_limits(self.means, self.noise.mean(axis=0))
@@ -66,7 +66,7 @@ class RunsOverDraws:
 
     statistics : of all runs
     standard_error : (T, S) of their mean, from the scatter between draws, which holds that between runs
-    drawn : the first draws; None where not even two were finished
+    drawn : the first draws; None if not even two were finished
     draws : number of draws behind all runs
     """
 

@@ -26,13 +26,13 @@ class PassagePrediction(Shown):
     """A first-passage time under rates that are known from evidence, or taken as known; times in tu.
 
     passage : its distribution at the posterior mean of each rate constant, or at the rates that are taken as known
-    mean : the mean of `passage`, with its bounds; where rates have evidence, the posterior median of the mean time and
+    mean : the mean of `passage`, with its bounds; if rates have evidence, the posterior median of the mean time and
         its middle 95 %
     notes : remarks for the reader
     network : the network whose passage it is, with its rate constants
 
     The mean time has no posterior mean where a rate has few events: 1 / k has none with k from Gamma(1/2). Its median
-    and quantiles exist always; they are inf only where the target may be missed at any rates.
+    and quantiles exist always; they are inf only if the target may be missed at any rates.
 
     >>> from kinetics import Network, predict_passage
     >>> found = predict_passage(Network.from_text("A -> B, 0.1"), None, {"A": 1}, "B")
@@ -47,7 +47,7 @@ class PassagePrediction(Shown):
 
     @property
     def headline(self) -> str:
-        """Its mean time, with the interval from the rates."""
+        """One line: the mean time, with the interval from the rates."""
         mean = in_unit(f"{self.mean.value:.4g}", self.passage.time_unit)
         known = f" [{self.mean.low:.4g}, {self.mean.high:.4g}], 95 % from the rates"
         return f"time until {self.passage.target}: mean {mean}{known if self.mean.kind == CONFIDENCE else ''}"

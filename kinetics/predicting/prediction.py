@@ -40,19 +40,19 @@ RUNS = 1000
 class Prediction(Shown, Tabular):
     """The mean and spread of the counts of every species over time, with their errors. Arrays are (T, S).
 
-    mean, sd : mean, and standard deviation of a single run. Where the rates have evidence, a method that samples gives
+    mean, sd : mean, and standard deviation of a single run. If the rates have evidence, a method that samples gives
         those of the posterior prediction (rates drawn, then a run: intrinsic noise and the uncertainty of the rates),
         and one that does not those at the posterior mean of each rate constant
-    low, high : 95 % interval of the mean from the uncertainty of the rates; None where these have no evidence
+    low, high : 95 % interval of the mean from the uncertainty of the rates; None if these have no evidence
     standard_error : of the mean, that of drawing rates included; 0 for a method that does not sample, nan for one run
     error : bound on, or estimate of, the numerical error of the probabilities; 0 for a method that samples
     notes : remarks on the interval, for the reader
     is_complete : whether all runs and draws were made; fewer are made after Ctrl-C
     method : by its name; one that chooses says in brackets what it chose
     result : the statistics of the runs, or the Distribution, from which mean and sd come
-    drawn : means under single draws of the rates, from which the interval comes; None where there is none
-    reached : the accuracy, and how it was reached; None where none was asked for
-    truncated : why there are fewer times than were asked for; None where there are not
+    drawn : means under single draws of the rates, from which the interval comes; None if there is none
+    reached : the accuracy, and how it was reached; None if none was asked for
+    truncated : why there are fewer times than were asked for; None if there are not
 
     >>> from kinetics import ChannelRate, Convention, Network, Rates, predict
     >>> decay = Network.from_text("decay: A -> 0, 1")
@@ -254,7 +254,7 @@ def predict(
 
 
 class _Found(NamedTuple):
-    """What a strategy gives.
+    """The result of a strategy.
 
     spread : the runs over draws of the rates, if mean and sd come from these
     """
@@ -268,12 +268,12 @@ class _Found(NamedTuple):
 
 
 def _solved(job: Job, method: SolvingMethod) -> _Found:
-    """By a method that solves the master equation."""
+    """Predict by a method that solves the master equation."""
     return _Found(job.distribution(method.solve(job.model.network, job.model.initial, job.grid)), method.name)
 
 
 def _sampled(job: Job, method: SamplingMethod, runs: int, posterior: RatesPosterior | None, draws: int) -> _Found:
-    """By runs: spread over draws of the rates where these have evidence."""
+    """Predict by runs, spread over draws of the rates if these have evidence."""
     name = method.name_for(job.model.network, job.model.initial)
     if posterior is not None:
         spread = runs_over_draws(job, posterior, runs, draws, method)
@@ -291,7 +291,7 @@ def _sampled(job: Job, method: SamplingMethod, runs: int, posterior: RatesPoster
 
 
 def _adapted(job: Job, accuracy: AskedAccuracy | str | float, budget: float | None) -> _Found:
-    """By the cheapest way to an accuracy."""
+    """Predict by the cheapest way to an accuracy."""
     from kinetics.predicting.accuracy import accuracy_of
     from kinetics.predicting.adaptive import adaptive_prediction
     from kinetics.predicting.tuning import BUDGET
@@ -307,7 +307,7 @@ def _adapted(job: Job, accuracy: AskedAccuracy | str | float, budget: float | No
 
 
 def _check_choice(accuracy: object, method: object, runs: object, budget: object) -> None:
-    """Raise a ValueError where an accuracy is given beside what it would choose, or a budget without one."""
+    """Raise a ValueError if an accuracy is given beside what it would choose, or a budget without one."""
     if accuracy is None and budget is not None:
         raise ValueError("a budget without an accuracy; a budget limits the cost of an accuracy")
     for name, value in (("method", method), ("runs", runs)):

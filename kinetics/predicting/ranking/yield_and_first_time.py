@@ -98,7 +98,7 @@ def load_kernels() -> None:
 
 
 def _exact_passage(model: Model, target: str, end: float, max_states: int) -> list[WithSpread] | None:
-    """First target, and probability of it by the horizon; None where the solver refuses: too many states or steps."""
+    """First target, and probability of it by the horizon; None if the solver refuses: too many states or steps."""
     began = time.process_time()
     try:
         chain, goal = chain_to(model, None, target, 1, max_states)
@@ -133,7 +133,7 @@ def first_by(chain: Chain, goal: Mask, horizon: float) -> tuple[Answer, Answer, 
 
 
 def _exact_yield(model: Model, target: str, possible: int, horizon: float, max_states: int) -> WithSpread | None:
-    """Targets at the horizon over those possible; None where the solver refuses."""
+    """Targets at the horizon over those possible; None if the solver refuses."""
     began = time.process_time()
     method = Transient(TOLERANCE, max_states, MAX_SECONDS)
     try:

@@ -18,7 +18,7 @@ BY = " by "  # between a break and its partner, in the name of a channel
 
 
 def base_channel(name: str) -> str:
-    """The join or break to which a channel belongs, whoever its partner is.
+    """The join or break to which a channel belongs, for any partner.
 
     >>> base_channel("2->1+1 by quadmer")
     '2->1+1'
