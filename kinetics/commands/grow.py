@@ -24,9 +24,10 @@ from kinetics.support.cli.options import (
     plot_option,
     seed_option,
     time_grid,
+    write_plots,
+    write_tables,
 )
 from kinetics.support.cli.progress import progress_line
-from kinetics.support.output import write_whole
 from kinetics.support.tables import text_table, with_spread
 
 if TYPE_CHECKING:
@@ -131,12 +132,8 @@ def grow(
             raise TruncatedRunsError(truncated)
         grid = grid[grid <= truncated.until]
     cpu_seconds = time.process_time() - began
-    for csv_file in csv_files:
-        write_whole(csv_file, made.to_dataframe(grid).to_csv(index=False))
-    for plot_file in plot_files:
-        from kinetics.support import plots
-
-        plots.save(plot_file, lambda ax: made.plot(ax, grid))
+    write_tables(csv_files, lambda: made.to_dataframe(grid))
+    write_plots(plot_files, lambda ax: made.plot(ax, grid))
     for file in strips:
         from kinetics.assembly.drawing.pictures import strip
 

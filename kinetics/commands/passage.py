@@ -26,6 +26,7 @@ from kinetics.support.cli.options import (
     plot_option,
     seed_option,
     truncate_option,
+    write_plots,
 )
 from kinetics.support.cli.progress import progress_line, stage
 from kinetics.support.tables import figure, in_unit, of_unit, text_table
@@ -137,10 +138,7 @@ def passage(
         if with_sensitivity:
             progress("sensitivities")
             slopes = _sensitivities(replace(model, network=network), counted, copies, found)
-    for plot_file in plot_files:
-        from kinetics.support import plots
-
-        plots.save(plot_file, found.plot)
+    write_plots(plot_files, found.plot)
     if as_json:
         curve = np.linspace(0.0, float(found.quantile(0.99 * found.probability)), 101)
         is_whole = found.earliest is None
@@ -251,7 +249,7 @@ def _sample(
     as_json: bool,
 ) -> None:
     """First times of runs that end with the passage, at the posterior mean of each rate constant."""
-    from kinetics.network.laws.expression import quoted
+    from kinetics.network.laws.writing import quoted
     from kinetics.runs import TruncatedRunsError
     from kinetics.sampling import simulate
     from kinetics.sampling.watch import MAX_EVENTS
@@ -271,10 +269,7 @@ def _sample(
                 f"{until} has not held in run {told.run} by {in_unit(f'{told.time:.4g}', unit)}, where it was "
                 f"truncated: {told.cause}; give a --horizon, at which runs end"
             ) from error
-    for plot_file in plot_files:
-        from kinetics.support import plots
-
-        plots.save(plot_file, found.plot)
+    write_plots(plot_files, found.plot)
     quantiles = {q: found.answer(q) for q in QUANTILES}
     if as_json:
         echo_json(

@@ -30,9 +30,10 @@ from kinetics.support.cli.options import (
     plot_option,
     seed_option,
     time_grid,
+    write_plots,
+    write_tables,
 )
 from kinetics.support.cli.progress import progress_line
-from kinetics.support.output import write_whole
 from kinetics.support.tables import figure, in_unit, text_table
 
 if TYPE_CHECKING:
@@ -165,17 +166,10 @@ def predict(
             progress("elasticities")
             drawn = None if made.drawn is None else made.drawn.at_last()
             found = count_elasticities(model, rates, None, made.times[-1:], drawn, sums, tank)
-    for csv_file in csv_files:
-        write_whole(csv_file, made.to_dataframe().to_csv(index=False))
-    for plot_file in plot_files:
-        from kinetics.support import plots
-
-        plots.save(plot_file, made.plot)
+    write_tables(csv_files, made.to_dataframe)
+    write_plots(plot_files, made.plot)
     if found is not None:
-        from kinetics.support import plots
-
-        for elasticity_file in elasticity_files:
-            plots.save(elasticity_file, partial(found.plot, names=made.network.species))
+        write_plots(elasticity_files, partial(found.plot, names=made.network.species))
     if as_json:
         has_interval = made.low is not None
         echo_json(

@@ -22,6 +22,8 @@ from kinetics.support.cli.options import (
     json_option,
     plot_option,
     seed_option,
+    write_plots,
+    write_tables,
 )
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.config import read_toml
@@ -125,12 +127,8 @@ def rank(
     if best_file:
         best = made.books[0].name
         write_whole(best_file, written(next(book for book in loaded if book.name == best)))
-    for csv_file in csv_files:
-        write_whole(csv_file, made.to_dataframe().to_csv(index=False))
-    for plot_file in plot_files:
-        from kinetics.support import plots
-
-        plots.save(plot_file, made.plot)
+    write_tables(csv_files, made.to_dataframe)
+    write_plots(plot_files, made.plot)
     if as_json:
         echo_json({"rates": rates.as_dict(without={"evidence"}, none=False), **made.as_dict()})
     else:

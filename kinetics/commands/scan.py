@@ -19,6 +19,7 @@ from kinetics.support.cli.options import (
     seed_option,
     table_of,
     truncate_option,
+    write_tables,
 )
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
@@ -133,8 +134,7 @@ def scan(
             folder=folder,
             progress=progress,
         )
-    for csv_file in csv_files:
-        write_whole(csv_file, made.to_dataframe().to_csv(index=False))
+    write_tables(csv_files, made.to_dataframe)
     for parquet_file in parquet_files:
         write_whole(parquet_file, made.to_dataframe().to_parquet(index=False))
     for plot_file in plot_files:

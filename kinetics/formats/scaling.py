@@ -14,6 +14,7 @@ from kinetics.network import Model, Network
 from kinetics.network.laws.events import Event
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import Code, Graph
+from kinetics.network.laws.reading import written
 
 
 def model_of(
@@ -98,8 +99,8 @@ def _times(formula: Expression, factor: float) -> Expression:
 def _whole(amount: Expression, copies: float) -> Expression:
     """An amount as the nearest whole number of copies."""
     graph = Graph(most=10 * len(amount.formula) + 100)
-    place = graph.add(Code.MULTIPLY, (graph.number(copies), graph.copied(amount.formula)[-1]))
-    whole = graph.add(Code.FLOOR, (graph.add(Code.ADD, (place, graph.number(0.5))),))
+    place = graph.copied(amount.formula)[-1]
+    whole = written("floor(unit * amount + 0.5)", graph, unit=graph.number(copies), amount=place)
     return Expression.of(graph.formula(whole), amount.parameters)
 
 

@@ -26,9 +26,8 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.types import unliteral
 
 PREFIX = "kernels-"
-KEPT = (
-    3  # folders of one room: going back to sources of a while ago, or another version of Numba, compiles nothing anew
-)
+# Folders of one room: going back to sources of a while ago, or another version of Numba, compiles nothing anew.
+KEPT = 3
 
 
 def compiled(
@@ -56,7 +55,8 @@ def compiled(
             if "no locator available" not in str(error):
                 raise
             say_that_nothing_is_kept()
-    return dispatcher
+    kernel: Callable[..., Any] = dispatcher
+    return kernel
 
 
 def template_of_plain_types(template: Callable[..., Any], args: tuple[Any, ...], kws: dict[str, Any]) -> Any:

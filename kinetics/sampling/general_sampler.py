@@ -71,7 +71,7 @@ class GeneralSampler(BufferedSampler):
     def _advance(self, work: general.GeneralWork, counts: Ints, seen: Ints, clock: Floats, *rest: Any) -> int:
         from kinetics.kernels import general
 
-        outcome = general.advance(self.model, work, counts, seen, clock, *rest)
+        outcome: int = general.advance(self.model, work, counts, seen, clock, *rest)
         if outcome <= outcomes.OVERFLOW or outcome == outcomes.STOPPED:
             return outcome
         about, state, t = int(work.notes[1]), counts[:-1], float(clock[0])

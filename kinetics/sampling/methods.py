@@ -89,12 +89,10 @@ def simulate(
     given, made = Model.of(model, initial), sampling_method(method)
     if until is not None:
         condition = Condition(until, given)
-        return made.simulate(
-            given.network, given.initial, times, runs, seed, threads, max_events=max_events, until=condition
+        return made.first_times(
+            given.network, given.initial, condition, times, runs, seed, threads, max_events=max_events
         )
-    return made.simulate(
-        given.network, given.initial, times, runs=runs, seed=seed, threads=threads, max_events=max_events
-    )
+    return made.simulate(given.network, given.initial, times, runs, seed, threads, max_events=max_events)
 
 
 def sample_path(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from kinetics.support.cli.options import echo_json, json_option, picture_of
+from kinetics.support.cli.options import echo_json, json_option, picture_of, write_plots
 
 
 @click.command()
@@ -52,10 +52,7 @@ def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot_files: tupl
             "breaking has log_above"
         )
     found = extrapolate(logged, thresholds)
-    for plot_file in plot_files:
-        from kinetics.support.plots import save
-
-        save(plot_file, lambda ax: plot_tails(ax, found))
+    write_plots(plot_files, lambda ax: plot_tails(ax, found))
     if as_json:
         echo_json(found.as_dict() | {"left_out": len(records) - len(logged)})
     else:

@@ -204,8 +204,8 @@ def test_a_run_ends_where_a_condition_first_holds(method, case):
     condition = Condition(text, Model(net, initial, SUMS if net is QUICK_LINE else {"tetra": {net.species[-1]: 1}}))
     if refused(method, net) or not method.takes_until:
         return
-    found = method.simulate(net, initial, end, runs=40, seed=27, until=condition)
-    again = method.simulate(net, initial, end, runs=12, seed=27, threads=1, first_run=9, until=condition)
+    found = method.first_times(net, initial, condition, end, runs=40, seed=27)
+    again = method.first_times(net, initial, condition, end, runs=12, seed=27, threads=1, first_run=9)
     assert_array_equal(again.times, found.times[9:21])
     assert (found.observed[~found.is_reached] == end).all()
     assert_array_equal(condition.holds(found.counts), found.is_reached)
@@ -226,12 +226,10 @@ def test_a_run_ends_where_a_condition_first_holds(method, case):
 def test_first_times_have_the_law_of_the_passage(method):
     net, initial = network(("A", "B"), {"pair": ((2, 0), (0, 1)), "back": ((0, 1), (2, 0))}, [0.1, 1.0]), [20, 0]
     if not method.takes_until:
-        with pytest.raises(
-            ValueError, match=rf"the method '{method.name}' does not support a condition .*: use 'auto'"
-        ):
-            method.simulate(net, initial, np.inf, until="B >= 6")
+        with pytest.raises(ValueError, match=rf"the method '{method.name}' does not support a condition .*"):
+            method.first_times(net, initial, "B >= 6")
         return
-    found = method.simulate(net, initial, np.inf, runs=4000, seed=11, until="B >= 6")
+    found = method.first_times(net, initial, "B >= 6", runs=4000, seed=11)
     assert found.censored == 0
     assert_follows_cdf(found.times, first_passage(net, initial, "B", 6).cdf)
     with pytest.raises(AssertionError, match="the laws differ"):  # a back rate a third too large is seen
@@ -242,10 +240,10 @@ def test_first_times_have_the_law_of_the_passage(method):
 def test_conditions_at_the_start_never_and_wrong_ones(method):
     if not method.takes_until:
         return
-    there = method.simulate(decay(), [3], 5.0, runs=4, until=f"{decay().species[0]} >= 3")
+    there = method.first_times(decay(), [3], f"{decay().species[0]} >= 3", 5.0, runs=4)
     assert (there.times == 0).all()
     assert (there.counts == 3).all()
-    never = method.simulate(decay(), [3], np.inf, runs=4, until=f"{decay().species[0]} >= 4")
+    never = method.first_times(decay(), [3], f"{decay().species[0]} >= 4", runs=4)
     assert (never.censored, never.mean, never.median) == (4, np.inf, np.inf)
     for wrong, message in (
         ("Z >= 1", "unknown name 'Z'"),
@@ -253,7 +251,7 @@ def test_conditions_at_the_start_never_and_wrong_ones(method):
         ("t > 3", "the time t"),
     ):
         with pytest.raises(ValueError, match=message):
-            method.simulate(decay(), [3], 5.0, until=wrong)
+            method.first_times(decay(), [3], wrong, 5.0)
 
 
 @named

@@ -24,7 +24,7 @@ from kinetics.rates import ClassRates
 from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import whole_number
 from kinetics.support.cli.progress import stage
-from kinetics.support.extras import extra
+from kinetics.support.datasets import dataframe
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 from kinetics.support.tables import text_table
 
@@ -184,8 +184,6 @@ class Ranking(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per book and figure."""
-        pandas = extra("pandas")
-
         rows = [
             {"place": book["place"], "book": book["book"], "joins": ", ".join(self.pathways[book["book"]])}
             | {"figure": name, **{key: value for key, value in book[name].items() if key != "from_rates"}}
@@ -193,7 +191,7 @@ class Ranking(Shown, Tabular):
             for book in self.as_dict()["books"]
             for name in ("yield", "first", "reached")
         ]
-        return pandas.DataFrame(rows)
+        return dataframe(rows)
 
     @on_axes
     def plot(self, ax: Any) -> Any:

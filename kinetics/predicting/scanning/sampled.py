@@ -97,7 +97,7 @@ def _at_times(model: Model, asked: Sequence[AtTime], runs: int, seed: int) -> tu
 def _decided(model: Model, asked: Decided, runs: int, seed: int) -> tuple[list[Floats], str]:
     """The contribution of each run (runs,) to a question for which runs stop once it is decided."""
     method, until = path_method(model.network), Condition(asked.stop, model)
-    found = method.simulate(model.network, model.initial, asked.end, runs, seed, threads=1, until=until)
+    found = method.first_times(model.network, model.initial, until, asked.end, runs, seed, threads=1)
     if found.truncated is not None:
         raise TruncatedRunsError(found.truncated)
     return [asked.value(model, found.is_reached, found.counts)], method.name

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,9 +12,6 @@ from kinetics.network import Network, Tank
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.rates.breaks.base import ALONE, WALL, BreakModel
 from kinetics.support.arrays import Floats, Ints
-
-if TYPE_CHECKING:
-    from kinetics.runs import JumpPath
 
 SMALLEST = float(np.finfo(float).tiny)  # below, digits are lost
 BY = " by "  # between a break and its partner, in the name of a channel
@@ -147,22 +143,6 @@ class Expansion:
         own = np.asarray(coefficients, dtype=float)[..., self.base_of]
         by_partner = np.asarray(weights, dtype=float)[..., self.partner_of]
         return np.where(self.partner_of < 0, own, own * by_partner)
-
-    def on_base(self, path: JumpPath) -> JumpPath:
-        """A path of the expanded network as a path of the base, which keeps who broke what as `partners`."""
-        from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
-
-        channels = np.where(path.channels == RESTART, RESTART, np.append(self.base_of, RESTART)[path.channels])
-        is_open = np.zeros(len(self.base.channels), dtype=bool)
-        np.logical_or.at(is_open, self.base_of, path.open_channels)
-        partners = None
-        if self.network is not self.base:
-            numbers = self.base.species_places | {WALL: BY_WALL, ALONE: BY_UNKNOWN}
-            named = [numbers[name] for name in self.model.partners(self.base)]
-            of_channel = np.where(self.partner_of < 0, NO_BREAK, np.array(named)[self.partner_of])
-            partners = np.append(of_channel, NO_BREAK)[path.channels]
-        said = path.tank, partners, path.resolution
-        return JumpPath(self.base, path.initial, path.times, channels, path.end, is_open, *said)
 
 
 def pairs(base: Network, model: BreakModel, states: ArrayLike) -> list[Floats]:

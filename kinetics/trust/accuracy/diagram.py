@@ -15,7 +15,7 @@ from kinetics.markov.transient import Distribution, Transient
 from kinetics.network import Model, Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.support.arrays import Counts, rising_times
-from kinetics.support.extras import extra
+from kinetics.support.datasets import dataframe
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import text_table
 from kinetics.trust.accuracy.curves import CURVES, Curve, Result, Task, shape_of
@@ -148,9 +148,7 @@ class Diagram(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per point."""
-        pandas = extra("pandas")
-
-        return pandas.DataFrame(self.rows())
+        return dataframe(self.rows())
 
     @property
     def headline(self) -> str:
