@@ -196,7 +196,7 @@ def test_calibrate_again_writes_the_same_rates(wellmixed_here, place, demonstrat
     assert before == (place / demonstrated.json["rates"]).read_bytes()
     done = wellmixed_here(*CALIBRATE, "--out", "rates.toml", "--workers", 2, cwd=place)
     assert (done.code, done.err) == (0, "")
-    assert f"\nNot seen: {', '.join(calibrated.json['not_seen'])}. Of a rate" in done.out
+    assert f"\nNot seen: {', '.join(calibrated.json['not_seen'])}. For a rate" in done.out
     assert done.out.splitlines()[-1] == "rates written to rates.toml"
     assert (place / "rates.toml").read_bytes() == before
 

@@ -137,7 +137,7 @@ def predict(
 
     With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until they
     are enough, in 20 minutes of CPU time unless --budget says otherwise. 1% is relative to each species' largest mean
-    over the times, or to one copy where that is more. The report says what was chosen, what each method was forecast to
+    over the times, or to one copy if that is more. The report says what was chosen, what each method was forecast to
     cost, the error reached, and what a tenth of the error would cost.
 
     A run that would not end, because counts grow without bound or events come too fast, is truncated; results are given

@@ -46,5 +46,6 @@ def test_the_table_of_stages(steps):
             str(n), f"{those[:, 1].sum():,.0f}", f"{those[:, 2].mean():,.0f}", f"{rate} ({low_rate} to {high_rate})"
         ]  # fmt: skip
     ends = np.cumsum(steps[:, 1])[[23, 25, 41, 43]]
+    page = " ".join(page.split())
     assert all(f"{time:,.0f} tu" in page for time in ends)
     assert all(f"{time + 7:,.0f} tu" not in page for time in ends)  # the control

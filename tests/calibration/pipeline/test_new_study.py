@@ -119,7 +119,7 @@ def test_it_is_made_whole_or_not_at_all(study, tmp_path):
     assert "already exists" in said
     assert "the folder of" in run("new", "corner", tmp_path / "no" / "where", code=2)
     assert "holds no scene.toml" in run("simulate", tmp_path, code=2)
-    with pytest.raises(ValueError, match="do not pay"):
+    with pytest.raises(ValueError, match="are not enough"):
         new_study(folder / "target.toml", tmp_path / "poor", cpu_hours=1e-9, cubes=(12,), held_out=(12,), along=(0.0,))
     assert not list(tmp_path.iterdir())
 

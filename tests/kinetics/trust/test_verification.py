@@ -329,8 +329,8 @@ def test_a_solution_without_a_proven_error_is_called_an_estimate():
         assert found.passed, str(found)
         assert found.is_bound == (not unbounded)
         assert found.unbounded == unbounded
-        assert ("which is an estimate: how 'death' rounds is not known" in str(found)) == bool(unbounded)
-    assert "which is an estimate" not in str(verify(switch(), Direct(), [5, 0], [1.0], 200, with_power=False))
+        assert ("an estimate, holds: no bound on the rounding of 'death'" in str(found)) == bool(unbounded)
+    assert "an estimate, holds" not in str(verify(switch(), Direct(), [5, 0], [1.0], 200, with_power=False))
 
 
 @pytest.mark.parametrize(
