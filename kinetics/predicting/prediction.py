@@ -287,10 +287,10 @@ def _sampled(job: Job, method: SamplingMethod, runs: int, posterior: RatesPoster
         return _Found(made, name, made.is_complete, (note,), spread)
     forecast_runs(job.model.network, method, job.model.initial, job.grid, runs, job.threads, job.max_events)
     sampling = method if job.observables is None else job.observables.sampling(method, job.model.network)
-    made = streamed(
-        job.shown, sampling, job.model.initial, job.grid, runs, job.seed, job.threads,
-        covariances=False, progress=lambda done: job.report(f"{done} of {runs} runs"), max_events=job.max_events,
-    )  # fmt: skip
+    source = sampling.source(job.shown, job.model.initial, job.seed, job.max_events)
+    say = lambda done: job.report(f"{done} of {runs} runs")  # noqa: E731
+    made = streamed(job.shown, source, job.grid, runs, job.threads, covariances=False, progress=say)
+    made = replace(made, method=sampling.name_for(job.shown, job.model.initial))
     notes = () if made.is_complete else (f"interrupted: {made.runs} of {runs} runs were made",)
     return _Found(made, name, made.is_complete, notes)
 
