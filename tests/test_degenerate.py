@@ -112,7 +112,7 @@ def one_run_results():
     yield stationary(still, {"A": 1})
     chain = Chain.of(still, {"A": 1})
     yield from (chain.passage("B == 1"), Sensitivity(chain).until("B == 1"), chain.committor({"b": "B == 1"}))
-    part = Chain.of(Network.from_text("0 <-> A, 1, 0.1"), {"A": 0}, within="A < 5")
+    part = Chain.of(Network.from_text("0 <-> A, 1, 0.1"), {"A": 0}, truncate="A < 5")
     yield from (part.passage("A == 9"), part.reward("A", until="A == 9"))
 
 

@@ -40,7 +40,7 @@ class LookedAt(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CoarseLooks:
-    """What looks at intervals do to rates and tests, where events are written down at the look that first shows them.
+    """The bias of rates and tests if a tank is observed at intervals, and events are recorded at the next observation.
 
     runs : the paths; those whose resolution is 0 add nothing
 
@@ -85,7 +85,7 @@ class CoarseLooks:
 
     @property
     def sentence(self) -> str:
-        """What looks do to the rates and the tests, and what to do about it; nothing where they are fine enough."""
+        """Sentences on the bias of rates and tests, and its remedy; "" if the intervals are short enough."""
         if not self.channels:
             return ""
         unit, resolution = self.runs[0].network.time_unit, self.channels[0].resolution

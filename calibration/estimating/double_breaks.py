@@ -77,12 +77,12 @@ class DoubleBreaks:
 
     @property
     def is_asked_for(self) -> bool:
-        """Whether the data ask for a model with double breaks: chance gives as many with probability below 1 %."""
+        """True if the data ask for a model with double breaks: chance gives as many with probability below 1 %."""
         return self.p_value < LEVEL
 
     @property
     def sentence(self) -> str:
-        """What was seen and expected, the share, and what it does to the spread of counts."""
+        """Sentences on the double breaks seen and expected, their share, and their effect on the spread of counts."""
         if not self.breaks:
             return "no bond broke"
         low, high = self.interval()
@@ -100,7 +100,7 @@ class DoubleBreaks:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it, ready for JSON."""
+        """The numbers as a dictionary, ready for JSON."""
         low, high = self.interval()
         return {
             "within": self.within,

@@ -39,7 +39,7 @@ CUBES = {"cubes": (60, 120), "held_out": (40, 80, 160)}  # in such a tank; more 
 
 @dataclass(frozen=True, eq=False)
 class NewStudy:
-    """What `new_study` made. folder : where it is; compiled : the rule book; scene; planned : the plan, and its cost"""
+    """The result of `new_study`: its folder, the compiled rule book, the scene, and the plan with its cost."""
 
     folder: Path
     compiled: Compiled

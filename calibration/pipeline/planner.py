@@ -132,7 +132,7 @@ class PlannedStudy(Planned):
         return plots.planned_shares(ax, labels, shares | {"CPU minutes": [row["cpu_seconds"] / 60 for row in rows]})
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it, ready for JSON."""
+        """The plan as a dictionary, ready for JSON."""
         rates = [{"rate": name, "events": n, "half_width": float(half_width(n))} for name, n in self.events.items()]
         return super().to_dict() | {"rates": rates}
 
@@ -227,7 +227,7 @@ def make_plan(request: PlanRequest, rates: Rates, cost: Cost) -> PlannedStudy:
 def held_out_tests(
     request: PlanRequest, forecast: Forecast, events: Floats, sizes: Iterable[int]
 ) -> tuple[HeldOutTest, ...]:
-    """What held-out runs of each size can tell after a calibration with these events (R,)."""
+    """The power of held-out runs of each size after a calibration with these events (R,)."""
     derivation = book_of(Scene.load(request.scene).rules)[1]
     groups = joins_and_breaks(forecast.network)
     tests: list[HeldOutTest] = []

@@ -65,7 +65,7 @@ Draw = Callable[[Any], Any]
 
 
 def calibration_report(study: CalibrationStudy | ObservedStudy) -> HtmlReport:
-    """What the calibration runs showed."""
+    """The report of the calibration runs."""
     return HtmlReport(f"Rates of {study.name}", _calibration_parts(study), study.rates.evidence)
 
 
@@ -111,7 +111,7 @@ def not_seen(calibration: Calibration) -> list[str]:
 
 
 def about_not_seen(calibration: Calibration) -> str:
-    """What is known of channels without events, in a sentence; nothing where all were seen."""
+    """A sentence on channels without events; "" if all were seen."""
     names = ", ".join(not_seen(calibration))
     unseen = names and f"Not seen: {names}. Of a rate without events the runs give no more than the upper limit."
     return " ".join(filter(None, (unseen, about_priors(calibration.not_measured))))
@@ -160,7 +160,7 @@ def _break_parts(compared: BreakComparison) -> list[Part]:
 
 
 def _rule_parts(rules: Sequence[Bar]) -> list[Part]:
-    """What was agreed beforehand; nothing without a plan."""
+    """The parts of a report on rules stated before the runs; none without a plan."""
     if not rules:
         return []
     return [

@@ -122,7 +122,7 @@ class CrossValidation(Shown):
 
     @property
     def is_exact(self) -> bool:
-        """Whether the predicted mean is free of sampling error."""
+        """True if the predicted mean is free of sampling error."""
         return bool(np.isfinite(self.cost.exact))
 
     @property
@@ -167,7 +167,7 @@ class CrossValidation(Shown):
 
     @property
     def is_consistent(self) -> bool:
-        """Whether events, their scatter, mean, scores, single runs and first times pass their tests at 1 %."""
+        """True if events, their scatter, mean, scores, single runs and first times pass their tests at 1 %."""
         return self.verdict.is_consistent
 
     def table(self) -> list[dict[str, Any]]:

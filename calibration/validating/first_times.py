@@ -84,7 +84,7 @@ class FirstTimeComparison(Shown):
 
     @property
     def is_exact(self) -> bool:
-        """Whether the predicted distribution is free of sampling error."""
+        """True if the predicted distribution is free of sampling error."""
         return self.samples == 0
 
     @property

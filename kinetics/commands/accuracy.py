@@ -6,6 +6,7 @@ import click
 import numpy as np
 
 from kinetics.commands.models import applied, conditions, described
+from kinetics.support.cli.declared import POSITIVE, default_option
 from kinetics.support.cli.failures import INTERRUPTED
 from kinetics.support.cli.options import (
     DURATION,
@@ -26,20 +27,14 @@ TIMES = 101  # at which distributions are compared
 
 @click.command(cls=HeadedCommand)
 @model_options
-@click.option(
-    "--duration",
-    metavar="T",
-    type=float,
-    default=DURATION,
-    show_default=True,
-    help="Time span over which the methods are compared, tu.",
+@default_option(
+    "--duration", metavar="T", type=float, default=DURATION, help="Time span over which the methods are compared, tu."
 )
-@click.option(
+@default_option(
     "--budget",
     metavar="MINUTES",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     default=20.0,
-    show_default=True,
     help="CPU time allowed, minutes; the most expensive settings are skipped where they would exceed it.",
 )
 @csv_option

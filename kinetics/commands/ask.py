@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from kinetics.commands.models import applied, described, instead_of_many_states
+from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.options import (
     HeadedCommand,
     ModelOptions,
@@ -46,14 +47,7 @@ INSTEAD = (
     help="Stop the chain of a network where this holds, and do not explore what lies beyond.",
 )
 @truncate_option
-@click.option(
-    "--max-states",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=1_000_000,
-    show_default=True,
-    help="Refuse a network that can reach more states.",
-)
+@count_option("--max-states", default=1_000_000, help="Refuse a network that can reach more states.")
 @click.option(
     "--out",
     "out_file",
@@ -73,7 +67,7 @@ def ask(
     asked: ModelOptions,
     questions: tuple[str, ...],
     stop: str | None,
-    within: str | int | None,
+    truncate: str | int | None,
     max_states: int,
     out_file: str | None,
     with_sensitivity: bool,
@@ -108,7 +102,7 @@ def ask(
         }
         given |= {
             "--copies-per-unit": asked.copies_per_unit,
-            "--truncate": within,
+            "--truncate": truncate,
             "--set": asked.chosen or None,
             "--tank": asked.edges,
         }
@@ -117,7 +111,7 @@ def ask(
     else:
         model = applied(*described(asked))
         # What is written is the whole chain, which then answers all questions.
-        chains = answering_chains([] if out_file else queries, model, stop, within, max_states)
+        chains = answering_chains([] if out_file else queries, model, stop, truncate, max_states)
     found: dict[int, tuple[Answer, Derivatives | None]] = {}
     states = rates = 0
     with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:

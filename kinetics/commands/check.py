@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.failures import CHECKED, INTERRUPTED
 from kinetics.support.cli.options import echo_json, json_option, plot_option
 from kinetics.support.cli.progress import progress_line
@@ -12,24 +13,13 @@ from kinetics.support.cli.progress import progress_line
 
 @click.command()
 @click.argument("book", shell_complete=shipped("book"))
-@click.option(
-    "--max-cubes",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="Size of the largest structure explored, cubes.  [default: 12, or the target's size if larger]",
+@count_option(
+    "--max-cubes", help="Size of the largest structure explored, cubes.  [default: 12, or the target's size if larger]"
 )
-@click.option(
-    "--max-species",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=2000,
-    show_default=True,
-    help="Largest number of structures explored.",
-)
-@click.option(
+@count_option("--max-species", default=2000, help="Largest number of structures explored.")
+@default_option(
     "--slow-waves/--no-slow-waves",
     default=True,
-    show_default=True,
     help="Also explore collisions that happen before the internal rules have settled.",
 )
 @plot_option
@@ -60,7 +50,7 @@ def check(
                 "correct": report.is_correct,
                 "structures": report.n_structures,
                 "events": report.n_events,
-                "coming_home": report.recoverability._asdict(),
+                "recoverability": report.recoverability._asdict(),
                 "slow_waves": report.waves,
                 "findings": [
                     {

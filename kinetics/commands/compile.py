@@ -12,6 +12,7 @@ from pathlib import Path
 import click
 
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import POSITIVE, count_option, default_option
 from kinetics.support.cli.options import echo_json, in_a_folder, json_option, seed_option
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
@@ -48,18 +49,14 @@ def time_since_start() -> float:
     help="Joins of the book, such as 1+1,1+2 or 2.a+1->3.b.  [default: those with the fewest letters and rules]",
 )
 @click.option("--breaks/--no-breaks", default=None, help="Whether bonds can break.  [default: as the target says]")
-@click.option(
-    "--max-letters",
-    metavar="N",
-    type=click.IntRange(min=2),
-    help="Largest number of letters (states of a cube).  [default: as the target says, or 8]",
+@count_option(
+    "--max-letters", least=2, help="Largest number of letters (states of a cube).  [default: as the target says, or 8]"
 )
-@click.option(
+@default_option(
     "--time-limit",
     metavar="SECONDS",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     default=600,
-    show_default=True,
     help="Wall time after which the command ends, its start included, s; a book found before does not depend on it.",
 )
 @click.option(

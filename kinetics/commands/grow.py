@@ -12,6 +12,7 @@ from kinetics.runs.truncation import TruncatedRunsError, Truncation
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
     NumbersCommand,
@@ -42,25 +43,12 @@ FRAMES = 8  # of a strip
 
 @click.command(cls=NumbersCommand)
 @click.argument("book", shell_complete=shipped("book"))
-@click.option(
-    "--cubes",
-    metavar="N",
-    type=click.IntRange(min=1),
-    required=True,
-    help="Number of free cubes at time 0, not counting the seed.",
-)
-@click.option(
-    "--seeds",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="Number of seeds at time 0, for a book that grows from a seed.  [default: 1]",
-)
+@count_option("--cubes", required=True, help="Number of free cubes at time 0, not counting the seed.")
+@count_option("--seeds", help="Number of seeds at time 0, for a book that grows from a seed.  [default: 1]")
 @click.option("--rates", "rates_file", metavar="FILE", help="Rates by class: a .toml file.")
-@click.option(
+@count_option(
     "--posterior-draws",
     "draws",
-    metavar="N",
-    type=click.IntRange(min=1),
     help="With --rates: spread the runs over so many draws of the rates from their evidence.  [default: none]",
 )
 @click.option(
@@ -78,15 +66,10 @@ FRAMES = 8  # of a strip
 )
 @click.option("--duration", metavar="T", type=float, help="Simulated time, tu.  [default: 2000]")
 @click.option("--times", type=float, multiple=True, metavar="T ...", help="Report at these times instead, tu.")
-@click.option(
-    "--runs", metavar="N", type=click.IntRange(min=1), default=20, show_default=True, help="Number of independent runs."
-)
-@click.option(
+@count_option("--runs", default=20, help="Number of independent runs.")
+@count_option(
     "--max-events",
-    metavar="N",
-    type=click.IntRange(min=1),
     default=MAX_EVENTS,
-    show_default=True,
     help="Most events of a run. Where one would come to more, figures end before it.",
 )
 @click.option(
@@ -177,7 +160,7 @@ def grow(
 
 
 def _truncation(made: Growths, grid: Floats, most: int) -> Truncation | None:
-    """What to say of runs that made as many events as they may; None where all times asked for came before."""
+    """The truncation of runs that reached the most events; None if they passed all times asked for before."""
     ends = np.array(made.truncated)
     first, known = int(np.argmin(ends)), np.sort(grid)
     later = known[known > ends[first]]
@@ -202,7 +185,7 @@ def _truncation(made: Growths, grid: Floats, most: int) -> Truncation | None:
 
 
 def _start(rules: RuleBook, cubes: int, seeds: int | None) -> int | dict[Structure, int]:
-    """What the tank holds at time 0."""
+    """The contents of the tank at time 0."""
     if seeds is None:
         return cubes
     seed = rules.seed()
@@ -272,7 +255,7 @@ def _table(made: Growths, grid: Floats) -> str:
 
 
 def _notes(made: Growths, cpu_seconds: float) -> list[str]:
-    """What the table means, what became of the target, what the runs end with and what they cost."""
+    """Notes below the table: its meaning, the target's yield, how runs ended, and their cost."""
     n, events = len(made.runs), sum(run.times.size for run in made.runs)
     draws = sum(run.draws for run in made.runs)
     what = "mean ± sd of a run" if n > 1 else "of a single run, which has no spread"

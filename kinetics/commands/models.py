@@ -21,7 +21,7 @@ MOST_SHOWN = 30  # species that are shown without being asked for
 
 @contextmanager
 def instead_of_many_states(advice: str) -> Iterator[None]:
-    """Where a network reaches too many states, say what this command can do about it."""
+    """Replace the advice of an error about too many states by what this command can do."""
     try:
         yield
     except ValueError as error:
@@ -148,7 +148,7 @@ def is_network_file(source: str) -> bool:
 
 
 def _are_whole(weights: Mapping[str, float]) -> bool:
-    """Whether a sum counts every species a whole number of times."""
+    """True if a sum counts every species a whole number of times."""
     return all(weight >= 0 and weight == int(weight) for weight in weights.values())
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from kinetics.commands.models import applied, conditions, described, instead_of_many_states, remarks
 from kinetics.network.sums import Counted, in_words, summed
 from kinetics.support.answer import CONFIDENCE, Answer, kind_of
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import (
     HEADING,
     RULES,
@@ -48,30 +49,15 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 @click.option(
     "--species", metavar="SPECIES", required=True, help="The species to wait for, or an observable of the network file."
 )
-@click.option(
-    "--copies",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Number of its copies to wait for.",
-)
+@count_option("--copies", default=1, help="Number of its copies to wait for.")
 @heading(RULES)
-@click.option(
+@default_option(
     "--method",
     type=click.Choice(["solve", "ssa"]),
     default="solve",
-    show_default=True,
     help="Solve for the time, or sample it: for networks of any size.",
 )
-@click.option(
-    "--runs",
-    metavar="N",
-    type=click.IntRange(min=2),
-    default=1000,
-    show_default=True,
-    help="Number of independent runs that are sampled.",
-)
+@count_option("--runs", least=2, default=1000, help="Number of independent runs that are sampled.")
 @click.option(
     "--horizon",
     metavar="TIME",
@@ -79,13 +65,11 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     default=np.inf,
     help="Time at which a sampled run ends at the latest.  [default: when nothing can happen any more]",
 )
-@click.option(
+@count_option(
     "--posterior-draws",
     "draws",
-    metavar="N",
-    type=click.IntRange(min=2),
+    least=2,
     default=100,
-    show_default=True,
     help="Number of draws of the rates from which the interval is made.",
 )
 @heading(HEADING)
@@ -108,7 +92,7 @@ def passage(
     runs: int,
     horizon: float,
     draws: int,
-    within: str | int | None,
+    truncate: str | int | None,
     with_sensitivity: bool,
     plot_files: tuple[str, ...],
     budget: float,
@@ -129,22 +113,22 @@ def passage(
     began = time.process_time()
     model, rates, tank = given = described(asked)
     counted = model.counted(species)
-    if within is not None and (plot_files or with_sensitivity):
+    if truncate is not None and (plot_files or with_sensitivity):
         raise ValueError("--truncate gives bounds, which have neither --plot nor --sensitivity; leave one out")
     if method == "ssa":
-        if within is not None or with_sensitivity:
+        if truncate is not None or with_sensitivity:
             raise ValueError("--method ssa takes neither --truncate nor --sensitivity; leave them out")
         _sample(asked, given, species, copies, (runs, seed, horizon), plot_files, as_json)
         return
     slopes = None
     with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:
         progress("solving for the passage")
-        if within is None:
+        if truncate is None:
             made = predict_passage(model, rates, None, counted, copies, seed, draws, tank)
             found, mean, notes, network = made.passage, made.mean, made.notes, made.network
         else:
             network = applied(*given).network
-            chain, goal = chain_to(replace(model, network=network), None, counted, copies, MOST, within)
+            chain, goal = chain_to(replace(model, network=network), None, counted, copies, MOST, truncate)
             found = chain.passage(goal, in_words(summed(network, counted)[1], copies))
             mean, notes = found.answer("mean"), ()
         progress("quantiles")
@@ -212,7 +196,7 @@ def _when(found: Passage, time: Answer) -> str:
 
 
 class Sensitivities(NamedTuple):
-    """What each rate constant does to the mean, or to the probability; to sd and quantiles, as far as there are any.
+    """Derivatives by each rate constant: of the mean or the probability, and of sd and quantiles if there are any.
 
     refusal : why there are no quantiles
     """

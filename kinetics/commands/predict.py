@@ -13,6 +13,7 @@ from click.core import ParameterSource
 from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.models import conditions, described, instead_of_many_states, remarks, shown_of
 from kinetics.sampling.watch import MAX_EVENTS
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
     HEADING,
@@ -56,10 +57,8 @@ INSTEAD = (
     "--show", "shown", multiple=True, metavar="NAME", help="Show only this species or observable; may be repeated."
 )
 @click.option("--method", type=MethodName(), help="Sampling or solving method.  [default: auto]")
-@click.option(
+@count_option(
     "--runs",
-    metavar="N",
-    type=click.IntRange(min=1),
     help="Least number of runs, for a sampling method; with evidence, 100 under each draw of the rates.  "
     "[default: 1000]",
 )
@@ -68,36 +67,25 @@ INSTEAD = (
     metavar="SIZE",
     help="Choose method and number of runs so that every value shown is within SIZE: 1%, or 0.5 copies.",
 )
-@click.option(
+@default_option(
     "--accuracy-of",
     type=click.Choice(("mean", "sd", "distribution")),
     default="mean",
-    show_default=True,
     help="What --accuracy is the error of.",
 )
 @budget_option
-@click.option(
+@count_option(
     "--max-events",
-    metavar="N",
-    type=click.IntRange(min=1),
     default=MAX_EVENTS,
-    show_default=True,
     help="Most events of a run. Where one would come to more, figures end before it.",
 )
-@click.option(
-    "--threads",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="Largest number of threads used.  [default: one per core]",
-)
+@count_option("--threads", help="Largest number of threads used.  [default: one per core]")
 @heading(RULES)
-@click.option(
+@count_option(
     "--posterior-draws",
     "draws",
-    metavar="N",
-    type=click.IntRange(min=2),
+    least=2,
     default=200,
-    show_default=True,
     help="Least number of draws of the rates, for the runs and for the interval.",
 )
 @click.option(
@@ -226,7 +214,7 @@ def predict(
 
 
 def _accuracy(size: str | None, of: str) -> AskedAccuracy | None:
-    """What is asked for; None where nothing is."""
+    """The accuracy asked for; None if there is none."""
     if size is None:
         if of != "mean":
             raise ValueError(f"--accuracy-of {of}, but no --accuracy; say how small the error must be, as in 1%")

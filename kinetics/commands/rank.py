@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.failures import INTERRUPTED
 from kinetics.support.cli.options import (
     budget_option,
@@ -53,60 +54,27 @@ if TYPE_CHECKING:
     metavar="K",
     help="With --join: one rate constant for every break, 1/tu.  [default: 0]",
 )
-@click.option(
-    "--by",
-    type=click.Choice(["yield", "first"]),
-    default="yield",
-    show_default=True,
-    help="Rank by yield or by first-assembly time.",
+@default_option(
+    "--by", type=click.Choice(["yield", "first"]), default="yield", help="Rank by yield or by first-assembly time."
 )
-@click.option(
-    "--cubes",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=60,
-    show_default=True,
-    help="Number of free cubes at time 0.",
-)
-@click.option(
-    "--horizon",
-    metavar="T",
-    type=float,
-    default=2000.0,
-    show_default=True,
-    help="Time at which the yield is taken, tu.",
-)
-@click.option(
-    "--runs",
-    metavar="N",
-    type=click.IntRange(min=2),
-    default=1000,
-    show_default=True,
-    help="Number of runs for a book that has to be sampled.",
-)
-@click.option(
+@count_option("--cubes", default=60, help="Number of free cubes at time 0.")
+@default_option("--horizon", metavar="T", type=float, default=2000.0, help="Time at which the yield is taken, tu.")
+@count_option("--runs", least=2, default=1000, help="Number of runs for a book that has to be sampled.")
+@count_option(
     "--posterior-draws",
     "draws",
-    metavar="N",
-    type=click.IntRange(min=0),
+    least=0,
     default=0,
-    show_default=True,
     help="Number of draws of the rates, to account for their uncertainty.",
 )
-@click.option(
-    "--max-states",
-    metavar="N",
-    type=click.IntRange(min=0),
-    default=100_000,
-    show_default=True,
-    help="Books with more states than this are sampled, not solved.",
+@count_option(
+    "--max-states", least=0, default=100_000, help="Books with more states than this are sampled, not solved."
 )
-@click.option(
+@default_option(
     "--time-limit",
     metavar="SECONDS",
     type=float,
     default=20.0,
-    show_default=True,
     help="Wall time for compiling the books of a target, s.",
 )
 @click.option(
@@ -191,7 +159,7 @@ def _books(
 
 
 def _is_target(name: str) -> bool:
-    """Whether a file describes a target: it has its cubes, but no letters and no rules."""
+    """True if a file describes a target: it has cubes, but no letters and no rules."""
     path = Path(name)
     if path.suffix != ".toml" or not path.is_file():
         return False

@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from kinetics.commands.models import applied, conditions, described, is_network_file, remarks
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.failures import CHECKED, INTERRUPTED, keep
 from kinetics.support.cli.options import (
     HeadedCommand,
@@ -43,42 +44,22 @@ from kinetics.support.output import write_whole
     help="Ask this at every point, as in 'E[AB] @ 100' or 'P=? [ F<=100 AB >= 5 ]'; may be repeated.",
 )
 @truncate_option
-@click.option(
-    "--max-states",
-    metavar="N",
-    type=click.IntRange(min=0),
-    default=100_000,
-    show_default=True,
-    help="Sample points that can reach more states than this; 0 samples all.",
+@count_option(
+    "--max-states", least=0, default=100_000, help="Sample points that can reach more states than this; 0 samples all."
 )
-@click.option(
-    "--runs",
-    metavar="N",
-    type=click.IntRange(min=2),
-    default=1000,
-    show_default=True,
-    help="Number of runs of each point that is sampled.",
-)
-@click.option(
-    "--workers",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Number of points answered at the same time, as processes on this machine.",
-)
+@count_option("--runs", least=2, default=1000, help="Number of runs of each point that is sampled.")
+@count_option("--workers", default=1, help="Number of points answered at the same time, as processes on this machine.")
 @click.option(
     "--scheduler",
     metavar="ADDRESS",
     help="Answer points on the workers of the Dask cluster whose scheduler is at this address, as tcp://10.0.0.5:8786.",
 )
-@click.option(
+@default_option(
     "--scans-folder",
     "folder",
     metavar="FOLDER",
     type=click.Path(file_okay=False),
     default="scans",
-    show_default=True,
     help="Folder in which points are kept; a point that is already there is not answered again.",
 )
 @csv_option
@@ -98,7 +79,7 @@ def scan(
     asked: ModelOptions,
     ranges: tuple[str, ...],
     questions: tuple[str, ...],
-    within: str | int | None,
+    truncate: str | int | None,
     max_states: int,
     runs: int,
     workers: int,
@@ -145,7 +126,7 @@ def scan(
             over,
             questions,
             max_states=max_states,
-            within=within,
+            truncate=truncate,
             runs=runs,
             seed=seed,
             workers=workers if scheduler is None else scheduler,
@@ -170,7 +151,7 @@ def scan(
                 "over": dict(made.over),
                 "questions": made.questions,
                 "max_states": max_states,
-                "within": within,
+                "truncate": truncate,
                 "runs": runs,
                 "seed": seed,
                 "points": len(made.answers),

@@ -8,6 +8,7 @@ import numpy as np
 from kinetics.commands.models import applied, described
 from kinetics.sampling import SAMPLING_METHODS, SamplingMethod
 from kinetics.sampling.forecast import forecast_runs
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import (
     DURATION,
     ModelOptions,
@@ -30,21 +31,13 @@ ENSEMBLES, WITH_POWER = 2, 14  # of runs, at most: of this seed and the next; of
 @click.option(
     "--times", type=float, multiple=True, metavar="T ...", help="Compare at these times, tu.  [default: 200 2000]"
 )
-@click.option(
+@default_option(
     "--method",
     type=click.Choice([ALL, *METHODS]),
     default=ALL,
-    show_default=True,
     help="Sampling method that is verified; all those that take the network, or one.",
 )
-@click.option(
-    "--runs",
-    metavar="N",
-    type=click.IntRange(min=100),
-    default=20_000,
-    show_default=True,
-    help="Number of runs of each method; more show smaller errors.",
-)
+@count_option("--runs", least=100, default=20_000, help="Number of runs of each method; more show smaller errors.")
 @click.option("--power/--no-power", default=True, help="Measure by mutants of the runs which mistakes would be seen.")
 @budget_option
 @seed_option

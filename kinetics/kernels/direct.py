@@ -47,7 +47,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop=None)
     upto = np.empty(n_blocks)  # sums over whole blocks
     s0, s1, s2, s3 = stream[0], stream[1], stream[2], stream[3]
     if stop is not None:
-        is_watched, table = stop.is_watched, stop.table
+        affects_stop, table = stop.affects_stop, stop.table
     t = clock[0]
     n_events = 0
     outcome = UNFINISHED
@@ -103,7 +103,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop=None)
         times[n_events] = t
         fired[n_events] = chosen
         n_events += 1
-        if stop is not None and is_watched[chosen] and holds(stop, table, counts):
+        if stop is not None and affects_stop[chosen] and holds(stop, table, counts):
             outcome = STOPPED
             break
     stream[0], stream[1], stream[2], stream[3] = s0, s1, s2, s3

@@ -51,7 +51,7 @@ def reduce(band, leaving, exits, begin, end):
 
 @compiled(error_model="python")
 def solve(band, exits, x):
-    """What is earned on the way out, from each state, where x (n,) is earned a time unit; in place, after `reduce`.
+    """Reward accumulated until exit from each state, at reward rates x (n,); in place, after `reduce`.
 
     For k = n - 1, ..., 1: x_i += (q_ik / S_k) x_k for i < k. Then for k = 0, ...: x_k = (x_k + sum over j < k of
     q_kj x_j) / S_k.

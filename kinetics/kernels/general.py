@@ -75,7 +75,7 @@ class GeneralModel(NamedTuple):
 
 
 class GeneralWork(NamedTuple):
-    """What one run keeps between calls.
+    """State of one run between calls.
 
     results (P,) : of every program; the first R are the propensities
     lows, highs (P,) : of ranges; the first R highs are the bounds of timed channels, and what steady ones are
@@ -195,7 +195,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     timed, readers, results, sums, upto = model.timed, model.readers, work.results, work.sums, work.upto
     is_timed, has_windows = timed.size > 0, timed.size + model.clocked.size + np.sum(model.is_delayed) > 0
     if stop is not None:
-        is_watched, table = stop.is_watched, stop.table
+        affects_stop, table = stop.affects_stop, stop.table
     t = clock[0]
     passed, n_events = seen[0], 0
     is_over, chosen = False, 0
@@ -265,7 +265,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
-        if stop is not None and is_watched[chosen] and not model.is_waking[chosen] and holds(stop, table, counts):
+        if stop is not None and affects_stop[chosen] and not model.is_waking[chosen] and holds(stop, table, counts):
             outcome = STOPPED
             break
         first, last = model.reader_starts[chosen], model.reader_starts[chosen + 1]

@@ -42,7 +42,7 @@ class GroupedModel(NamedTuple):
 
 
 class GroupedWork(NamedTuple):
-    """What one run keeps between calls.
+    """State of one run between calls.
 
     propensities (R,), sums (B,), upto (B,) : of channels, of blocks, and running over blocks
     """
@@ -84,7 +84,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     propensities, sums, upto = work.propensities, work.sums, work.upto
     n_blocks, n_channels = sums.size, propensities.size
     if stop is not None:
-        is_watched, table = stop.is_watched, stop.table
+        affects_stop, table = stop.affects_stop, stop.table
     t = clock[0]
     passed, n_events = seen[0], 0
     outcome = UNFINISHED
@@ -128,7 +128,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
-        if stop is not None and is_watched[chosen] and holds(stop, table, counts):
+        if stop is not None and affects_stop[chosen] and holds(stop, table, counts):
             outcome = STOPPED
             break
     if is_over:  # the event has not been

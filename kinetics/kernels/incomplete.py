@@ -52,7 +52,7 @@ def reduce(begins, columns, shares, leaving, middles, exits):
 
 @compiled
 def solve(begins, middles, columns, shares, exits, x):
-    """What is earned on the way out of the chain of the factors, where x (n,) is earned a time unit; in place."""
+    """Reward accumulated until exit in the chain of the factors, at reward rates x (n,); in place."""
     n = exits.size
     for i in range(n):
         total = x[i]
@@ -85,7 +85,7 @@ def occupy(begins, middles, columns, shares, exits, x):
 
 @compiled
 def earned(begins, columns, rates, exits, x, result):
-    """A x (n,)."""
+    """Compute A x (n,)."""
     for i in range(exits.size):
         total = 0.0
         for e in range(begins[i], begins[i + 1]):
@@ -95,7 +95,7 @@ def earned(begins, columns, rates, exits, x, result):
 
 @compiled
 def occupied(begins, columns, rates, exits, x, result):
-    """x A (n,)."""
+    """Compute x A (n,)."""
     n = exits.size
     for i in range(n):
         result[i] = exits[i] * x[i]

@@ -33,10 +33,10 @@ class LeapLaws(NamedTuple):
 
 
 class LeapModel(NamedTuple):
-    """What does not change during a run.
+    """Tables of the network, which do not change during a run.
 
     open_events : how many a leap is to have; fewest : events of a leap, below which single ones are drawn
-    merged, changes, members : for `direct.advance` and `members.name_events`
+    merged, changes, members : for `direct.advance` and `members.attribute_channels`
     """
 
     laws: LeapLaws
@@ -73,7 +73,7 @@ class LeapCells(NamedTuple):
 
 
 class LeapWork(NamedTuple):
-    """Where a run stands, and room to work in.
+    """State of a run, and scratch arrays.
 
     stream (4,) uint64, state (S + 1,) int64, step_times, fired (STRETCH,) : for a cell, and for events drawn singly
     lengths (3,) : when the leap at hand began, its length, and that from which the next one is sought, tu
@@ -96,7 +96,7 @@ class LeapWork(NamedTuple):
 
 @compiled
 def work_for(n_channels, n_species):
-    """A fresh workspace."""
+    """A new workspace for a run."""
     cells = LeapCells(
         np.ones(n_species + 1, dtype=np.int64),
         np.ones(n_species + 1),

@@ -22,7 +22,7 @@ from kinetics.kernels.compiled import compiled
 from kinetics.kernels.direct import advance
 from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, PASSED, RUN
 from kinetics.kernels.leap_plan import CELL, DEEPEST, NO_CELL, STRETCHES, plan_leap, propensity
-from kinetics.kernels.members import name_events
+from kinetics.kernels.members import attribute_channels
 from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STALLED_CLOCK, UNFINISHED
 from kinetics.kernels.streams import start_stream
 from kinetics.kernels.variates import binomial, draw_uniform, halved, poisson
@@ -253,7 +253,7 @@ def go_on(model, work, grid, out, times, fired, most):
             times[number : number + n_events] = step_times[:n_events]
             fired[number : number + n_events] = stepped[:n_events]
             start_stream(of_leap, LEFT, stream)
-            name_events(
+            attribute_channels(
                 model.members,
                 model.changes,
                 state.copy(),

@@ -20,7 +20,7 @@ ACTIVE, RUNS, STEPS = 0, 1, 2  # in `LockstepWork.notes`
 
 
 class LockstepWork(NamedTuple):
-    """Where the runs stand between calls. The arrays of the lanes are (LANES,) where no other shape is given.
+    """State of the runs between calls. The arrays of the lanes are (LANES,) unless stated.
 
     counts (S + 1 + sums, LANES), within (G, LANES), upto (blocks, LANES) : copies, and running sums of propensities
     change (S, G + 1) : of the counts by each channel; channel G changes nothing: what a lane does that has just ended
@@ -126,7 +126,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
     active, steps = work.notes[ACTIVE], work.notes[STEPS]
     last = steps + most
     if stop is not None:
-        is_watched, table = stop.is_watched, stop.table
+        affects_stop, table = stop.affects_stop, stop.table
     if work.notes[RUNS] == 0:
         active = min(LANES, runs)
         for lane in range(active):
@@ -246,7 +246,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
 
         if stop is not None:
             for lane in range(lanes):
-                if run[lane] < 0 or not is_watched[chosen[lane]] or not holds(stop, table, counts[:, lane]):
+                if run[lane] < 0 or not affects_stop[chosen[lane]] or not holds(stop, table, counts[:, lane]):
                     continue
                 reached[run[lane]] = t[lane]
                 for k in range(seen[lane], n_times):

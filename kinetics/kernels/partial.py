@@ -67,7 +67,7 @@ class PartialModel(NamedTuple):
 
 
 class PartialWork(NamedTuple):
-    """What one run keeps between calls.
+    """State of one run between calls.
 
     copies (2 W,) : counts of the owners as doubles, then what a like pair takes beside one copy: n_i - less_i, or 0
     partials (W,) : L, a bound from above
@@ -134,7 +134,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     species = model.species
     copies, partials, sums, blocks, spans = work.copies, work.partials, work.sums, work.blocks, work.spans
     if stop is not None:
-        is_watched, table = stop.is_watched, stop.table
+        affects_stop, table = stop.affects_stop, stop.table
     # Unsigned: indices need no check for negative ones.
     one, side, width, n_spans = np.uint64(1), np.uint64(BLOCK), np.uint64(sums.size), np.uint64(spans.size)
     t, passed, n_events, age = clock[0], seen[0], 0, work.age[0]
@@ -221,7 +221,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
-        if stop is not None and is_watched[chosen] and holds(stop, table, counts):
+        if stop is not None and affects_stop[chosen] and holds(stop, table, counts):
             outcome = STOPPED
             break
     if is_over:  # the event has not been

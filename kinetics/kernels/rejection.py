@@ -76,7 +76,7 @@ class RejectionModel(NamedTuple):
 
 
 class RejectionWork(NamedTuple):
-    """What one run keeps between calls.
+    """State of one run between calls.
 
     groups (G,) GROUP : count of each group's owner, partial (L) and bin
     places (G,) uint32 : where in its bin each group lies
@@ -195,7 +195,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     groups, places, members, sizes = work.groups, work.places, work.members, work.sizes
     uppers, inverses, masses = work.uppers, work.inverses, work.masses
     if stop is not None:
-        is_watched, table = stop.is_watched, stop.table
+        affects_stop, table = stop.affects_stop, stop.table
     # Unsigned: indices need no check for negative ones.
     one, two, three, n_groups = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(groups.size)
     base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]
@@ -323,7 +323,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = fires
         n_events += 1
-        if stop is not None and is_watched[fires] and holds(stop, table, counts):
+        if stop is not None and affects_stop[fires] and holds(stop, table, counts):
             outcome = STOPPED
             break
     if is_over:  # the event has not been; undone out here, it costs the others nothing

@@ -157,7 +157,7 @@ def _counts(chain: Chain) -> NDArray[Any]:
 
 
 def _differ(one: Any, other: Any) -> bool:
-    """Whether two sparse tables, of which None has no entry, differ off the diagonal."""
+    """True if two sparse tables differ off the diagonal; None is a table without entries."""
     if one is None and other is None:
         return False
     apart = (one if other is None else -other if one is None else one - other).tocoo()

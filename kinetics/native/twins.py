@@ -25,7 +25,7 @@ from kinetics.native.library import (
     given,
     is_built,
 )
-from kinetics.support.interrupts import pieces
+from kinetics.support.interrupts import short_slices
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -107,7 +107,7 @@ def _has_program(stop: Stop | None) -> bool:
 
 
 def _table(stop: Stop | None) -> Any:
-    return None if stop is None else filled(StopTable, stop.is_watched, stop.table)
+    return None if stop is None else filled(StopTable, stop.affects_stop, stop.table)
 
 
 def events(
@@ -192,7 +192,7 @@ def advance(
 ) -> None:  # fmt: skip
     """ChainMoves of a uniformised chain: `markov.advance`."""
     moves = filled(ChainMoves, begins, sources, shares, exits, exits.size) if is_built() else None
-    for part in pieces(flows.size, shares.size + exits.size):
+    for part in short_slices(flows.size, shares.size + exits.size):
         some, out = vectors[part.start : part.stop + 1], flows[part]
         if moves is not None:
             call("advance", moves, some, out, out.size)
@@ -205,7 +205,7 @@ def advance(
 def mix(rows: Ints, weights: Floats, vectors: Floats, mixed: Floats) -> None:
     """Add sums of weighted vectors to rows: `markov.mix`."""
     places, factors = given(rows, np.int64), given(weights, float)
-    for part in pieces(places.size, vectors.size):
+    for part in short_slices(places.size, vectors.size):
         if is_built():
             some, by = places[part], factors[part]
             call("mix", some, by, some.size, by.shape[1], vectors, vectors.shape[1], mixed)
@@ -221,7 +221,7 @@ def absorb(
 ) -> None:  # fmt: skip
     """ChainMoves of a chain whose last state is never left: `markov.absorb`."""
     moves = filled(ChainMoves, begins, sources, shares, exits, exits.size) if is_built() else None
-    for part in pieces(flows.size, shares.size + exits.size):
+    for part in short_slices(flows.size, shares.size + exits.size):
         if moves is not None:
             out = absorbed[part], alive[part], flows[part]
             call("absorb", moves, vector, np.empty_like(vector), *out, out[0].size)
@@ -242,7 +242,7 @@ def retreat(moves: Any, starts: Ints, chances: Floats, now: Floats, before: Floa
     first, weights = given(starts, np.int64), given(chances, float)
     is_native = isinstance(moves, ChainMoves)
     n_moves = (moves.kept if is_native else moves)[2].size
-    for part in pieces(means.size, 2.0 * (n_moves + now.size)):
+    for part in short_slices(means.size, 2.0 * (n_moves + now.size)):
         out = means[part]
         if is_native:
             call("retreat", moves, first, weights, first.size, now, before, out, out.size)
@@ -255,7 +255,7 @@ def retreat(moves: Any, starts: Ints, chances: Floats, now: Floats, before: Floa
 def reduce(band: Floats, leaving: Floats, exits: Floats) -> int:
     """Take out the states of a banded chain from the last to the first: `elimination.reduce`."""
     n, width, changes = exits.size, band.shape[1] // 2, 0
-    for part in pieces(n, float(width) ** 2):
+    for part in short_slices(n, float(width) ** 2):
         begin, end = n - part.stop, n - part.start
         if is_built():
             changes += call("reduce_band", band, leaving, exits, begin, end, width)

@@ -253,7 +253,7 @@ class Growths(Shown):
         return f"{len(self.runs)} network-free runs of {first.n_cubes} cubes until {first.end:g} tu"
 
     def summary(self) -> ResultTable:
-        """What is in the tank at the end, on average, at most `MOST_STRUCTURES` of it."""
+        """A table of the mean copies of structures at the end, at most `MOST_STRUCTURES` of them."""
         held = self.final()
         shown = list(held.items())[:MOST_STRUCTURES]
         rows = [(str(len(structure)), f"{copies:.4g}", str(structure)) for structure, copies in shown]

@@ -13,7 +13,7 @@ from kinetics.network import Model
 from kinetics.predicting.job import Job
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
-from kinetics.sampling import SamplingMethod, simulate_draws
+from kinetics.sampling import SamplingMethod, simulate_posterior
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.outlook import Outlook
 from kinetics.sampling.streamed import unbroken
@@ -42,7 +42,7 @@ class DrawMeans:
     noise: Floats
 
     def at_last(self) -> DrawMeans:
-        """The same at the last time alone."""
+        """A copy with the means at the last time only."""
         return replace(self, means=self.means[:, -1:], noise=self.noise[:, -1:])
 
     @property
@@ -140,7 +140,7 @@ def _batches(
         # Streams of their own: spawned, so that they share nothing with the runs of the same seed.
         sequence = np.random.SeedSequence(whole_number("seed", job.seed, 0), spawn_key=(1, number))
         table = posterior.draw(np.random.default_rng(sequence), min(block, n_draws - begin))
-        made = simulate_draws(
+        made = simulate_posterior(
             Model.of(posterior.expected, job.model.initial), posterior.constants(table), watch.grid, RUNS_PER_DRAW,
             job.seed,
             method=method,

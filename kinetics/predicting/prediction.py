@@ -88,7 +88,7 @@ class Prediction(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """What the figures are, how they were found, how well they are known, and their cost."""
+        """One line: what the figures are, the method, their precision, and the CPU time."""
         explained = "mean ± sd of a run" + ("" if self.low is None else " [95 % interval of the mean, from the rates]")
         precision = f"numerical error of the probabilities below {self.error:.1g}"
         if self.runs is not None:
@@ -120,7 +120,7 @@ class Prediction(Shown, Tabular):
         return pandas.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
 
     def to_xarray(self) -> xr.Dataset:
-        """The same, with dimensions time and species."""
+        """Mean, sd, standard error and interval as a dataset with dimensions time and species; needs xarray."""
         columns = {"mean": self.mean, "sd": self.sd, "standard_error": self.standard_error}
         if self.low is not None and self.high is not None:
             columns |= {"low": self.low, "high": self.high}

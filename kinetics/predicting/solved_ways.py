@@ -129,7 +129,7 @@ class Projection(SolvedWay):
 
     @property
     def at_most(self) -> float:
-        """What it is tried for."""
+        """The time, s, after which an attempt is given up."""
         return self._at_most
 
     def forecast(self, rivals: float) -> None:

@@ -66,7 +66,7 @@ class BreakTerms(Settings):
 
     @property
     def break_model(self) -> BreakModel:
-        """The break model itself."""
+        """The break model of these terms."""
         return break_model(self.model)
 
     def check(self, network: Network) -> None:

@@ -164,7 +164,7 @@ class ClassRates(Settings):
         return BookRates(self, derivation).apply(derivation.network)
 
     def base(self, derivation: Derivation) -> Network:
-        """The same with one channel a break, which has its coefficient."""
+        """The derived network with rates and one channel a break, whose rate is its coefficient."""
         if self.faces not in (None, derivation.book.scheme):
             raise ValueError(
                 f"these class rates are for faces = {self.faces!r}; book {derivation.book.name!r} has "
@@ -230,7 +230,7 @@ class BookRates(AppliedRates):
 
     @property
     def breaks(self) -> BreakTerms:  # type: ignore[override]
-        """The break model."""
+        """The break model of the rates."""
         return self.rates.breaks
 
     @property

@@ -173,7 +173,7 @@ class Rates(Settings, AppliedRates):
 
 
 def about_priors(names: Sequence[str]) -> str:
-    """What is known of channels that no run could fire, in a sentence; nothing where there are none.
+    """A sentence on the prior of channels that no run could fire; "" if there are none.
 
     >>> from kinetics.rates import about_priors
     >>> about_priors(["2+2->4"])[:21]

@@ -28,8 +28,9 @@ class SamplingMethod(ABC):
 
     To add one:
     1. Write its class in a file of its own, with a `name` for the command line and for tables.
-    2. Say what it takes, by the traits below; the base refuses what it does not. What no trait says, `refusal` says.
-    3. Give `prepared`: a `Sampler` of a network, by a kernel (see `StepwiseSampler`) or in plain Python.
+    2. Declare which networks it can sample by the traits below; the base refuses others. For other limits, override
+       `refusal`.
+    3. Give `prepared`: a `Sampler` of a network, by a kernel (see `BufferedSampler`) or in plain Python.
     4. Give `cost` and `start_cost` if `auto` may choose it.
     5. Import it in `kinetics.sampling.exact_methods`. Command line, `auto`, hard cases and contract tests read the
        tuple made there.
@@ -61,9 +62,9 @@ class SamplingMethod(ABC):
         return inf
 
     def refusal(self, network: Network, size: NetworkSize | None = None) -> str:
-        """Why the method does not take the network; empty where it does. `takes`, `auto` and `sampler` agree on it.
+        """Why the method cannot sample the network; empty if it can. `takes`, `auto` and `sampler` all ask this.
 
-        A method with a limit that is no trait gives its own, which asks this one first.
+        A method with a limit that no trait expresses overrides it, and asks this one first.
         """
         odd = [] if self.takes_rate_laws else [f"a rate law for channel {name!r}" for name in network.laws]
         odd += [] if self.takes_events else [f"event {event.name!r}" for event in network.events]
@@ -95,15 +96,15 @@ class SamplingMethod(ABC):
         return refusal
 
     def name_for(self, network: Network, initial: Counts) -> str:  # noqa: ARG002
-        """The name that runs of this network from these counts bear; one that chooses also says what it chose."""
+        """The method's name in results from this network and these counts; `auto` adds the method that it chose."""
         return self.name
 
     def takes(self, network: Network) -> bool:
-        """Whether the method takes the network, see `refusal`."""
+        """True if the method can sample the network; `refusal` gives the reason if not."""
         return not self.refusal(network)
 
     def sampler(self, network: Network) -> Sampler:
-        """The network made ready; a ValueError where the method does not take it."""
+        """A sampler of the network; a ValueError if the method cannot sample it."""
         refusal = self.refusal(network)
         if refusal:
             raise ValueError(refusal)
@@ -117,7 +118,7 @@ class SamplingMethod(ABC):
         return lambda constants: self.sampler(network.with_rates(constants))
 
     def stopping(self, network: Network) -> SamplingMethod:  # noqa: ARG002
-        """The method of runs that end at a condition: this one, or that which it chooses; a ValueError for none."""
+        """The method for runs that end at a condition: itself, or the one it chooses; a ValueError if there is none."""
         if not self.takes_until:
             raise ValueError(f"the method {self.name!r} takes no condition at which runs end (until): use 'auto'")
         return self
@@ -130,7 +131,7 @@ class SamplingMethod(ABC):
         max_events: int = MAX_EVENTS,
         until: str | Condition | None = None,
     ) -> RunSource:
-        """The runs from `initial` under a seed, of which `simulate` gives some; a ValueError as there."""
+        """The source of the runs from `initial` under a seed, by run number; a ValueError as for `simulate`."""
         start = network.state(initial)
         stop, is_there = (None, False) if until is None else stop_at(until, network, start)
         return RunSource(

@@ -8,15 +8,15 @@ import numpy as np
 
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
+from kinetics.sampling.buffered import BufferedSampler
 from kinetics.sampling.mass_action import mass_action
-from kinetics.sampling.stepwise import StepwiseSampler
 from kinetics.support.arrays import Ints
 
 if TYPE_CHECKING:
     from kinetics.kernels import grouped
 
 
-def updating_sampler(network: Network) -> StepwiseSampler:
+def updating_sampler(network: Network) -> BufferedSampler:
     """The network with its dependency graph, ready for `kernels.grouped`."""
     from kinetics.kernels import grouped
 
@@ -32,11 +32,11 @@ def updating_sampler(network: Network) -> StepwiseSampler:
     def advance(work: grouped.GroupedWork, *rest: object) -> int:
         return grouped.advance(model, work, *rest)
 
-    return StepwiseSampler(begin, advance, np.arange(n_channels))
+    return BufferedSampler(begin, advance, np.arange(n_channels))
 
 
 def model_of(network: Network) -> grouped.GroupedModel:
-    """What the kernel reads."""
+    """The tables of a network that `kernels.grouped` reads."""
     from kinetics.kernels import grouped
 
     laws = mass_action(network)

@@ -13,7 +13,7 @@ from kinetics.network import Network
 from kinetics.network.laws.graph import Code
 from kinetics.network.laws.program import Step, depth, steps_of
 from kinetics.network.propensity import over_factorial, state_text
-from kinetics.sampling.stepwise import StepwiseSampler
+from kinetics.sampling.buffered import BufferedSampler
 from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 MOST_WAITING = 1000  # delayed events of one run at a time
 
 
-class GeneralSampler(StepwiseSampler):
+class GeneralSampler(BufferedSampler):
     """Runs of `kernels.general`; what goes wrong is reported with channel or event, counts and time."""
 
     def __init__(self, network: Network) -> None:

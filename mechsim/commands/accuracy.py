@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import POSITIVE, count_option, default_option
 from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
 from kinetics.support.output import write_whole
@@ -18,31 +19,14 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("scene", shell_complete=shipped("scene"))
-@click.option(
-    "--cubes",
-    metavar="N",
-    type=click.IntRange(min=2),
-    default=120,
-    show_default=True,
-    help="Number of single cubes in the tank.",
-)
-@click.option(
-    "--duration", metavar="T", type=float, default=50.0, show_default=True, help="Simulated time of a run, tu."
-)
-@click.option(
-    "--rounds",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=4,
-    show_default=True,
-    help="Number of runs at each time step; other settings get half as many.",
-)
-@click.option(
+@count_option("--cubes", least=2, default=120, help="Number of single cubes in the tank.")
+@default_option("--duration", metavar="T", type=float, default=50.0, help="Simulated time of a run, tu.")
+@count_option("--rounds", default=4, help="Number of runs at each time step; other settings get half as many.")
+@default_option(
     "--budget",
     metavar="MINUTES",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     default=20.0,
-    show_default=True,
     help="CPU time allowed, minutes; the same command again goes on from there.",
 )
 @click.option(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import echo_json, json_option, seed_option
 from mechsim.commands.options import run_options
@@ -20,9 +21,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("study", shell_complete=shipped("study"))
-@click.option(
-    "--runs", metavar="N", type=click.IntRange(min=1), help="Number of runs at each point.  [default: the study's]"
-)
+@count_option("--runs", help="Number of runs at each point.  [default: the study's]")
 @click.option(
     "--points",
     "choices",

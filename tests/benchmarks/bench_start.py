@@ -88,7 +88,7 @@ def events(repeats: int) -> None:
     """ns an event of the line of four at 60 cubes, by both twins."""
     network = Rates.load("table3").apply(derive(RuleBook.load("line4")).network)
     merging, start = Merging.of(network), np.array([60, 0, 0, 0])
-    model, changes = merging.model(), network.stoichiometry[merging.leaders]
+    model, changes = merging.model(), network.stoichiometry[merging.representatives]
     grid, key = np.array([2000.0]), stream_key(0)
     limits, runs = np.array([1, 1, 0, 10**9]), 2000
     kernels = {

@@ -45,7 +45,7 @@ class Multinomial:
         return rng.multinomial(self.n, self.share, size=size)
 
     def log_ratio(self, counts: Ints) -> Floats:
-        """Of its probability to the null's."""
+        """Logarithm (size,) of the ratio of its probability to the null's."""
         return np.asarray(counts @ self.log)
 
 
@@ -61,7 +61,7 @@ class DirichletMultinomial:
         return rng.multinomial(self.n, rng.dirichlet(self.alpha, size=size))
 
     def log_ratio(self, counts: Ints) -> Floats:
-        """Of its probability to the null's."""
+        """Logarithm (size,) of the ratio of its probability to the null's."""
         from scipy.special import gammaln
 
         whole = self.alpha.sum()
@@ -82,7 +82,7 @@ class Spacings:
         return np.asarray(drawn / drawn.sum(axis=1, keepdims=True))
 
     def log_ratio(self, gaps: Floats) -> Floats:
-        """Of its density to the null's."""
+        """Logarithm (size,) of the ratio of its density to the null's."""
         from scipy.special import gammaln
 
         of_shape = gammaln(self.n * self.shape) - self.n * gammaln(self.shape) - gammaln(self.n)
@@ -101,7 +101,7 @@ class Independent:
         return np.concatenate([table.draw(rng, size) for table in self.tables], axis=1)
 
     def log_ratio(self, counts: Ints) -> Floats:
-        """Of its probability to the null's."""
+        """Logarithm (size,) of the ratio of its probability to the null's."""
         parts = np.split(counts, self.ends[:-1], axis=1)
         return np.sum([table.log_ratio(part) for table, part in zip(self.tables, parts, strict=True)], axis=0)
 

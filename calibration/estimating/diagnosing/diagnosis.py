@@ -78,7 +78,7 @@ class Diagnosis(Shown):
 
     @property
     def verdict(self) -> str:
-        """What the runs say against the model of rates, in a sentence."""
+        """A sentence on the evidence of the runs against the model of rates."""
         tested = self.tested
         if not tested:
             return "Nothing could be tested: there are too few events or runs."

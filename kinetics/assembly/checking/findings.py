@@ -97,7 +97,7 @@ class Report:
 
     def __str__(self) -> str:
         """For people: the summary, for which tanks it holds, what was done about slow waves, then each finding."""
-        said = [self.summary, f"coming home: {self.recoverability.text}", f"slow internal waves: {self.waves}"]
+        said = [self.summary, f"recoverability: {self.recoverability.text}", f"slow internal waves: {self.waves}"]
         return "\n".join([*said, *map(str, self.findings)])
 
     @on_axes

@@ -124,4 +124,4 @@ def proven(plan: Plan, tables: Solution, tick: Callable[[], None] = lambda: None
     )
     warnings = ", ".join(finding.kind for finding in report.findings) or "no warnings"
     waves = f"slow internal waves: {report.waves}"
-    return book, (closure, f"check: no errors; {warnings}", waves, f"coming home: {report.recoverability.text}")
+    return book, (closure, f"check: no errors; {warnings}", waves, f"recoverability: {report.recoverability.text}")

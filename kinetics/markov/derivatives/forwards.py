@@ -11,7 +11,7 @@ import numpy as np
 from kinetics.markov.passage.backward import sums_after
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.support.arrays import Floats
-from kinetics.support.interrupts import pieces
+from kinetics.support.interrupts import short_slices
 from kinetics.support.memory import check_memory
 
 KEPT_BYTES = 2**28  # of all vectors; beyond, those of a block of steps are made again from its first
@@ -59,12 +59,12 @@ class Forwards:
 
         block = np.empty((size + 1, first.size))
         block[0] = first
-        for part in pieces(size, self._arrays[1].size + first.size):
+        for part in short_slices(size, self._arrays[1].size + first.size):
             markov.powers(*self._arrays, block[part.start : part.stop + 1])
         return block
 
     def backwards(self) -> Iterator[tuple[int, Floats]]:
-        """Where each block begins and its vectors (B, N), the last block first."""
+        """Yield the first step of each block and its vectors (B, N), from the last block to the first."""
         for b in reversed(range(len(self._blocks))):
             begin, block = b * self.length, self._blocks[b]
             if len(block) == 1:

@@ -90,7 +90,7 @@ class Committor(Shown):
         return value * (1.0 - self.error) if value > UNDERFLOW else 0.0, min(high, 1.0)
 
     def _may_reach(self, k: int, row: int | None) -> bool:
-        """Whether a target, or the edge of a truncated chain, can be reached from state `row` or from the start."""
+        """True if a target, or the edge of a truncated chain, can be reached from state `row` or from the start."""
         coreachable = self.transitions.leading_to((self.committors[k] == 1.0) | (self.truncated == 1.0))
         return bool(coreachable[self.occupation > 0.0].any() if row is None else coreachable[row])
 

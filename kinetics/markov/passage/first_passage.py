@@ -116,12 +116,12 @@ class Passage(Shown, Tabular):
 
     @property
     def is_certain(self) -> bool:
-        """Whether the target is reached with probability 1."""
+        """True if the target is reached with probability 1."""
         return bool(np.isfinite(self.mean))
 
     @property
     def may_reach(self) -> bool:
-        """Whether some way leads to the target, however unlikely it is."""
+        """True if the target is reachable, however unlikely it is."""
         is_target = np.arange(self.start.size) == self.start.size - 1
         return bool(self.transitions.leading_to(is_target)[self.start > 0.0].any())
 

@@ -53,12 +53,12 @@ class RareEvent(Shown):
 
     @property
     def is_trusted(self) -> bool:
-        """Whether the replicates agree to a tenth or better, as the two-sided interval requires."""
+        """True if the replicates agree to a tenth or better, as the two-sided interval requires."""
         return self.probability > 0.0 and self.standard_error <= TRUSTED * self.probability
 
     @property
     def headline(self) -> str:
-        """The estimate with its interval."""
+        """The estimate with its interval, on one line."""
         return f"probability {self.probability:.4g} [{self.low:.4g}, {self.high:.4g}]"
 
     def summary(self) -> ResultTable:

@@ -68,7 +68,7 @@ class Stationary(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """Its size."""
+        """The number of states of the distribution, on one line."""
         classes = "1 closed class" if len(self.classes) == 1 else f"{len(self.classes)} closed classes"
         return f"stationary distribution of {self.probabilities.size} states, {classes}"
 

@@ -72,7 +72,7 @@ class SolvingMethod(ABC):
 
     @abstractmethod
     def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
-        """The same from a checked state (S,), at checked times (T,)."""
+        """The distribution from a checked state (S,) at checked times (T,), tu; what a solver implements."""
 
 
 class ProbabilityTable(NamedTuple):

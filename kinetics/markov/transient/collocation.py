@@ -91,7 +91,7 @@ class Collocation(ListingMethod):
 
 
 class CollocationPlan(NamedTuple):
-    """What a chain will take until the last time.
+    """Settings and forecast cost of a collocation until the last time.
 
     order : (N,) states in the order of elimination, which keeps the rates in a narrow profile
     degree : s of the polynomials
@@ -109,12 +109,12 @@ class CollocationPlan(NamedTuple):
 
     @property
     def seconds(self) -> float:
-        """What all steps take."""
+        """Forecast time of all steps, s."""
         return self.steps * (self.step_seconds + 3.0 * self.correction_seconds)
 
     @classmethod
     def of(cls, generator: csr_array, last: float, tolerance: float, max_seconds: float) -> CollocationPlan:
-        """For a generator (N, N), 1/tu.
+        """The plan for a generator (N, N), 1/tu.
 
         A step as long as the time before it, of a solution that is smooth but for time 0, has an error that falls as
         (3 + 2 sqrt(2))**-s: the degree is for that.
@@ -140,11 +140,13 @@ class CollocationPlan(NamedTuple):
         # At worst, for one factorisation; then what it is, which may be far less.
         advice = "start from fewer copies, or sample with the direct method"
         check_memory(f"the factors of {n} states", 20.0 * (n + 2.0 * float(widths.sum())), advice)
-        if MULTIPLY * float(widths @ widths) > max_seconds:
+        at_worst = MULTIPLY * float(widths @ widths)
+        if at_worst > max_seconds:
             raise ValueError(
-                f"{n} states, up to {widths.max():.0f} apart, may take {MULTIPLY * float(widths @ widths):.3g} s to "
-                f"factorise once; max_seconds = {max_seconds:g}; raise it, {advice}"
+                f"{n} states, up to {widths.max():.0f} apart, may take {at_worst:.3g} s to factorise once; "
+                f"max_seconds = {max_seconds:g}; raise it, {advice}"
             )
+        forecast(at_worst, f"at most, to factorise {n} states once, from which the rest is forecast")
         lower, upper = fill(generator.T[order][:, order])
         multiplications, numbers = float(lower @ upper), float(lower.sum() + upper.sum())
 
@@ -219,7 +221,7 @@ class Steps:
         self._step, self._step_length = RadauStep(self._rates, float(first), plan.degree), first
 
     def go_on(self) -> tuple[Fraction, Fraction, Floats]:
-        """Where the step begins, its length, and digits of its polynomial."""
+        """Take a step: return its beginning, its length, and the digits of its polynomial."""
         while True:
             begin, length, allowed = self.begin, self.length, SHARE * (self._tolerance - self.error)
             polynomial, bound = self._polynomial(length, allowed)

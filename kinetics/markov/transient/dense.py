@@ -158,14 +158,14 @@ def _short_step(rates: Floats, stays: Floats, x: float) -> Floats:
 
 
 def _product(one: Floats, other: Floats) -> Floats:
-    """Of two square matrices; an interrupt is heard meanwhile."""
+    """The product of two square matrices, during which Ctrl-C is heard."""
     if len(one) ** 3 < LONG:
         return np.asarray(one @ other)
     return np.asarray(heard(np.matmul, one, other))
 
 
 def _stochastic(matrix: Floats) -> Floats:
-    """The same off the diagonal, rows summing to one: a large diagonal is 1 minus the rest, else the row is scaled."""
+    """Make the rows of a matrix sum to 1, in place: by their diagonal if that is large, else by scaling the row."""
     matrix[matrix < SMALLEST] = 0.0
     diagonal = matrix.diagonal().copy()
     np.fill_diagonal(matrix, 0.0)

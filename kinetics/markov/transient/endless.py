@@ -19,7 +19,7 @@ MOST_COMPARED = 2 * 10**8  # counts, on all walks together
 
 
 def endless_growth(network: Network, reached: Ints) -> str:
-    """What grows without end from some of the states reached (N, S), in words; "" where nothing is found."""
+    """A sentence on what grows without bound from some of the states reached (N, S); "" if nothing is found."""
     needed, changes = network.sparse_reactants, network.sparse_stoichiometry
     works = changes.has_entries
     if network.rate_constants is not None:
@@ -39,7 +39,7 @@ def endless_growth(network: Network, reached: Ints) -> str:
 
 
 def _walked(network: Network, start: Ints, works: NDArray[np.bool_], steps: int, rng: np.random.Generator) -> str:
-    """What a random walk leaves more of than there was at some state on it."""
+    """A sentence on species of which a random walk has more than at an earlier state, all others being no fewer."""
     needed, changes = network.sparse_reactants, network.sparse_stoichiometry
     past = np.empty((steps + 1, start.size), dtype=np.int64)
     past[0] = state = start

@@ -222,7 +222,7 @@ class _Front:
         self.found.append((self.seen.add(np.ascontiguousarray(states[held])), mass[held]))
 
     def distribution(self) -> Distribution:
-        """What was found, on the union of all sets."""
+        """The distribution at all times, on the union of all state sets."""
         n = len(self.seen)
         check_memory(f"{n} states at {self.grid.size} times", 8.0 * n * self.grid.size, "ask for fewer times")
         probabilities = np.zeros((self.grid.size, n))
@@ -254,7 +254,7 @@ def _extend(search: Search, chosen: NDArray[np.bool_], layers: int) -> None:
 
 
 def _largest(values: Floats, rest: float) -> NDArray[np.bool_]:
-    """Where the largest values are; all others together are at most `rest`."""
+    """The places of the largest values; all others sum to at most `rest`."""
     order = np.argsort(values)
     is_large = np.ones(values.size, dtype=bool)
     is_large[order[np.cumsum(values[order]) <= rest]] = False

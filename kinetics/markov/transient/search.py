@@ -26,7 +26,7 @@ MOST_AHEAD = 4096  # states that are judged beside those, before they are known 
 NOTHING_STOPS = np.zeros(0, dtype=bool)
 ADVICE = (
     "Start from fewer copies, stop the network's growth, keep only the likely states by the method 'fsp', follow the "
-    "chain within some of them (`Chain.of(..., within=...)`), or sample with the direct method instead"
+    "chain in some of them (`Chain.of(..., truncate=...)`), or sample with the direct method instead"
 )
 
 
@@ -262,7 +262,7 @@ class Search:
 
 
 def state_bytes(n_species: int) -> int:
-    """What a state takes: its counts, of which a chain keeps a copy, its key, and its slots in the table of keys."""
+    """Bytes that a state takes: its counts, the chain's copy of them, its key, and its slots in the table of keys."""
     return 8 * (2 * n_species + 1 + 4)
 
 
@@ -278,7 +278,7 @@ def keys_of(states: Ints, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]
 
 
 def key_changes_of(changes: SparseTable, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """What each channel (R,) adds to a key."""
+    """The change (R,) of a state's key when each channel fires."""
     parts = changes.copies.astype(np.uint64) * multipliers[changes.columns]
     sums = np.append(np.zeros(1, dtype=np.uint64), np.cumsum(parts, dtype=np.uint64))
     return sums[changes.starts[1:]] - sums[changes.starts[:-1]]

@@ -167,7 +167,7 @@ INLINE int advance(const Model *model, const Room *room, const double *grid, int
             break;
         }
         n_events++;
-        if (stop && stop->is_watched[chosen] && holds(stop, room->counts))
+        if (stop && stop->affects_stop[chosen] && holds(stop, room->counts))
             outcome = STOPPED;
     }
     memcpy(at->stream, s, sizeof s);
@@ -281,7 +281,7 @@ int events(const Model *model, int64_t *counts, double *clock, const double *end
         }
         times[*n_events] = t;
         fired[(*n_events)++] = channel;
-        if (stop && stop->is_watched[channel] && holds(stop, room.counts))
+        if (stop && stop->affects_stop[channel] && holds(stop, room.counts))
             outcome = STOPPED;
     }
     if (memory)

@@ -315,7 +315,7 @@ void lockstep(const Model *model, Work *work, const int64_t *initial, const doub
         finish_step(work, active);
         const int64_t n_asked = stop && !none_holds(work, stop, active) ? active : 0;
         for (int64_t lane = 0; lane < n_asked; lane++) {
-            if (work->run[lane] < 0 || !stop->is_watched[work->chosen[lane]] || !holds(work, stop, lane))
+            if (work->run[lane] < 0 || !stop->affects_stop[work->chosen[lane]] || !holds(work, stop, lane))
                 continue;
             reached[work->run[lane]] = work->t[lane];
             for (int64_t k = work->seen[lane]; k < n_times; k++)

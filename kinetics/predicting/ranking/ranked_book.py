@@ -84,7 +84,7 @@ def pathway(derivation: Derivation, rates: ClassRates) -> tuple[str, ...]:
 
 
 def target_shape(book: RuleBook) -> Structure:
-    """Where the target's cubes are, turned into a common form; letters and faces are each book's own matter."""
+    """The positions of a target's cubes in canonical orientation, without letters and faces, to compare books by."""
     target = _target(book)
     n = len(target)
     return Structure(target.positions, (0,) * n, ("x",) * n).canonical("one")

@@ -116,7 +116,7 @@ def _exact_passage(model: Model, target: str, end: float, max_states: int) -> li
 
 
 def first_by(chain: Chain, goal: Mask, horizon: float) -> tuple[Answer, Answer, float]:
-    """Mean of min(T, horizon), tu, with T the time until the goal (N,); P(T <= horizon); sd of the first.
+    """The mean and sd of min(T, horizon), tu, with T the time to the goal (N,), and P(T <= horizon).
 
     Two questions to the chain: for how long it is outside the goal, and whether it is inside at the horizon.
     """

@@ -42,7 +42,7 @@ def executor_of(workers: int | str) -> Iterator[Executor | None]:
 def results(
     executor: Executor | None, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]
 ) -> Iterator[tuple[int, Any]]:
-    """Number and result of each task, as they come."""
+    """Yield the number and the result of each task, as they come."""
     if executor is None:
         for number, task in enumerate(tasks):
             yield number, work(*task)

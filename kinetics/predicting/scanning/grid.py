@@ -32,7 +32,7 @@ def scan(
     ask: str | Sequence[str],
     *,
     max_states: int = MAX_STATES,
-    within: str | int | None = None,
+    truncate: str | int | None = None,
     runs: int = 1000,
     seed: int = 0,
     workers: int | str = 1,
@@ -46,7 +46,7 @@ def scan(
         see `Model.kind`
     ask : questions as `wellmixed ask` takes them, such as "E[AB] @ 100" or "P=? [ F<=100 AB >= 5 ]"
     max_states : a point that can reach more is sampled, as is one whose rates depend on time; 0: every point
-    within : condition or number of states within which a chain is followed, as in `Chain.of`
+    truncate : condition of the states that a chain is truncated to, or their number, as in `Chain.of`
     runs : of each point that is sampled; at least 2
     workers : number of processes on this machine, or the address of a Dask scheduler, whose workers answer
     folder : keeps the points as they come; what is there already is not made again
@@ -67,7 +67,7 @@ def scan(
     asked = ScanRequest(
         tell_questions(ask),
         whole_number("max_states", max_states, 0),
-        within,
+        truncate,
         whole_number("runs", runs, 2),
         whole_number("seed", seed, 0),
     )
@@ -143,10 +143,9 @@ def _label(model: Model, name: str) -> str:
 
 
 def _first(missing: list[int], take: Callable[[int], None], cost: Callable[[Sequence[float], int], None]) -> list[int]:
-    """Answer the first point here, so that mistakes and the cost are told at once; returns those that are left.
+    """Answer the first point in this process, to report mistakes and the cost at once; returns the points left.
 
-    Where it was quick, the second and the last as well: the first also loads what all need, and the last, where values
-    rise, is often the dearest.
+    If it was quick, the second and the last follow: the first also pays for imports, and the last often costs most.
     """
     tried: list[int] = []
     seconds: list[float] = []
@@ -163,7 +162,7 @@ def _first(missing: list[int], take: Callable[[int], None], cost: Callable[[Sequ
 
 
 def _cost(seconds: Sequence[float], left: int, points: int, workers: int) -> str:
-    """What is left to do, if other points are like those that took so long."""
+    """A forecast of the CPU time left, from the points answered so far."""
     spread = "" if workers == 1 else f", by {workers} workers in 1/{workers} of that"
     each, rest = _span(seconds, 1), _span(seconds, left)
     return (

@@ -95,7 +95,7 @@ def _at_times(model: Model, asked: Sequence[AtTime], runs: int, seed: int) -> tu
 
 
 def _decided(model: Model, asked: Decided, runs: int, seed: int) -> tuple[list[Floats], str]:
-    """What each run (runs,) contributes that ends where the question is decided."""
+    """The contribution of each run (runs,) to a question for which runs stop once it is decided."""
     method, until = path_method(model.network), Condition(asked.stop, model)
     found = method.simulate(model.network, model.initial, asked.end, runs, seed, threads=1, until=until)
     if found.truncated is not None:
@@ -104,7 +104,7 @@ def _decided(model: Model, asked: Decided, runs: int, seed: int) -> tuple[list[F
 
 
 def _along(model: Model, asked: Along, runs: int, seed: int) -> tuple[list[Floats], str]:
-    """What each run (runs,) contributes on its way up to a time, or until a condition holds."""
+    """The contribution of each run (runs,) along its path up to a time, or until a condition holds."""
     method, last = path_method(model.network), float(np.finfo(float).max) if asked.end is None else asked.end
     until = None if asked.stop is None else Condition(asked.stop, model)
     paths = method.sample_paths(model.network, model.initial, last, seed, max_events=MOST_EVENTS, until=until)

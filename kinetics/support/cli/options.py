@@ -16,6 +16,7 @@ import numpy as np
 
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import POSITIVE, count_option, default_option
 from kinetics.support.cli.progress import BUDGET
 from kinetics.support.cli.study_folder import BOOK, is_filled, or_study_folder, rates_of, start_of
 from kinetics.support.extras import require
@@ -23,14 +24,7 @@ from kinetics.support.output import check_target
 
 DURATION = 2000.0  # tu, the paper's
 
-seed_option = click.option(
-    "--seed",
-    metavar="N",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Random seed; the same seed gives the same result.",
-)
+seed_option = count_option("--seed", least=0, default=0, help="Random seed; the same seed gives the same result.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
@@ -39,18 +33,16 @@ def _part(_ctx: click.Context, _param: click.Parameter, value: str | None) -> st
     return int(value) if value is not None and value.strip().isdigit() else value
 
 
-budget_option = click.option(
+budget_option = default_option(
     "--budget",
     metavar="MINUTES",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     default=BUDGET,
-    show_default=True,
     help="CPU time allowed; work that is forecast to take more is refused before it starts.",
 )
 
 truncate_option = click.option(
     "--truncate",
-    "within",
     metavar="CONDITION|N",
     callback=_part,
     help="Truncate the chain to the states in which this condition holds, or to the N nearest to its start; bounds "
@@ -302,7 +294,7 @@ def model_options(command: Callable[..., None]) -> Any:
             type=float,
             help="Edges of the tank; joins become rarer with its volume.  [default: as in the rates]",
         ),
-        click.option("--cubes", metavar="N", type=click.IntRange(min=1), help="Number of single cubes at time 0."),
+        count_option("--cubes", help="Number of single cubes at time 0."),
         click.option(
             "--rates",
             "rates_name",

@@ -127,7 +127,7 @@ class Diagram(Shown, Tabular):
         ]
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """The diagram as a dictionary, ready for JSON."""
         return {
             "title": self.title,
             "species": self.network.species,
@@ -154,7 +154,7 @@ class Diagram(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """Of what, and how large."""
+        """One line: the network, and its size."""
         return (
             f"{self.title}: {self.n_states} states, {self.times.size} times to {self.times[-1]:g} tu, seed {self.seed}"
         )

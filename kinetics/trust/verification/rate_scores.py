@@ -48,7 +48,7 @@ class RateSight:
 
 
 def sight_of_rates(reference: Reference, runs: int, level: float) -> tuple[RateSight, ...]:
-    """What findings that fail at p-values of `level` show of each channel's rate, in so many runs.
+    """The smallest error of each channel's rate that `runs` runs detect, if findings fail at p-values of `level`.
 
     For small errors: the mean of the score grows in proportion to them, and its variance stays.
     """

@@ -24,7 +24,7 @@ NOT_SEEN = (
 
 @dataclass(frozen=True)
 class CheckSummary:
-    """What one check came to: how many findings, and the smallest p-value times their number."""
+    """The result of one check: how many findings, and the smallest p-value times their number."""
 
     name: str
     sees: str

@@ -124,7 +124,7 @@ INTEGERS = (int, np.int64, np.uint8, np.array)
 def test_whole_numbers_of_any_type(kind):
     """Python's, numpy's, and arrays without an axis."""
     network, start = line(), {"monomer": 8}
-    assert len(Chain.of(network, start, within=kind(10))) == len(Chain.of(network, start, within=10))
+    assert len(Chain.of(network, start, truncate=kind(10))) == len(Chain.of(network, start, truncate=10))
     assert len(Chain.of(network, start, max_states=kind(100))) == 15
     assert Chain(RATES, kind(1)).initial[1] == 1.0
     path = chain_path(Chain(RATES, 0), 1.0, seed=kind(3), run=kind(2))
@@ -139,7 +139,7 @@ def test_truths_and_fractions_are_no_whole_numbers(number):
     network, start = line(), {"monomer": 8}
     refused = pytest.raises(ValueError, match="expected a whole number of at least 1")
     with refused:
-        Chain.of(network, start, within=number)
+        Chain.of(network, start, truncate=number)
     with refused:
         Chain.of(network, start, max_states=number)
     if number != 0:

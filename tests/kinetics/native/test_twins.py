@@ -77,8 +77,8 @@ def ended(make, in_c, net, initial, end, runs, events_a_call=10**6, until=None):
     """What stopped runs, and counts; and when a condition held, if there is one."""
     merging, start = Merging.of(net), np.asarray(initial, np.int64)
     out = np.full((runs, 7, start.size), -1, np.int64)
-    changes, grid = net.stoichiometry[merging.leaders], np.linspace(0.0, end, 7)
-    stop = None if until is None else stop_at(until, net, start)[0].of_channels(merging.leaders)
+    changes, grid = net.stoichiometry[merging.representatives], np.linspace(0.0, end, 7)
+    stop = None if until is None else stop_at(until, net, start)[0].of_channels(merging.representatives)
     reached = None if until is None else np.full(runs, np.inf)
     with patch.object(twins, "is_built", return_value=in_c):
         return make(merging.model(), changes, start, grid, out, events_a_call, (stop, reached)), out, reached
@@ -135,7 +135,7 @@ def run_by(kernel, net, initial, end, model=None):
     outcome, found = outcomes.UNFINISHED, []
     while outcome == outcomes.UNFINISHED and len(found) < 40:
         times, fired = np.empty(50), np.empty(50, np.int64)
-        changes = net.stoichiometry[merging.leaders]
+        changes = net.stoichiometry[merging.representatives]
         outcome, n = kernel(model or merging.model(), changes, counts, clock, end, stream, times, fired)
         found.append((times[:n], fired[:n]))
     return outcome, *map(np.concatenate, zip(*found, strict=True)), counts, clock, stream

@@ -57,8 +57,8 @@ def test_tables_and_programs_hold_where_the_condition_does(text):
 
 
 def test_only_channels_that_change_what_it_reads_are_watched():
-    assert stop_at("C >= 1", PAIRS, np.zeros(4, int))[0].is_watched.tolist() == [False, False, True]
-    assert stop_at("A * B >= 1", PAIRS, np.zeros(4, int))[0].is_watched.tolist() == [True, True, False]
+    assert stop_at("C >= 1", PAIRS, np.zeros(4, int))[0].affects_stop.tolist() == [False, False, True]
+    assert stop_at("A * B >= 1", PAIRS, np.zeros(4, int))[0].affects_stop.tolist() == [True, True, False]
     with pytest.raises(ValueError, match="unknown name 'half'"):  # no whole sum
         stop_at(Condition("half >= 1", MODEL), PAIRS, np.zeros(4, int))
 

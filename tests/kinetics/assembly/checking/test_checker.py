@@ -34,8 +34,8 @@ def test_shipped_books_are_correct():
     assert kinds(report) == []
     assert str(report) == (
         "book 'line4': 4 structures, 8 joins and breaks; 0 errors, 0 warnings\n"
-        "coming home: proven for any number of cubes: every other structure can fall apart into free cubes, which make "
-        "the target\n"
+        "recoverability: proven for any number of cubes: every other structure can fall apart into free cubes, which "
+        "make the target\n"
         "slow internal waves: left out"
     )
 
@@ -234,7 +234,7 @@ def test_command():
     ran = CliRunner().invoke(main, ["rules", "check", "t5", "--json"])
     assert ran.exit_code == 0
     said = json.loads(ran.output)
-    home = said.pop("coming_home")
+    home = said.pop("recoverability")
     assert said.pop("slow_waves") == "none, as there are no internal rules"
     assert said == {"book": "t5", "correct": True, "structures": 9, "events": 25, "findings": []}
     assert (home["proven"], home["searched"]) == ("any tank", [])

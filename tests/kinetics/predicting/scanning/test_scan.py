@@ -123,7 +123,7 @@ def test_the_limit_of_states_is_the_switch():
 
 def test_a_chain_without_end_has_limits_within_a_part_and_is_sampled_else():
     births = Network.from_text("0 -> X, b\nX -> 0, 1", b=2.0)
-    part = scan(births, {"b": [1.0, 2.0]}, "P=? [ F<=1 X >= 3 ]", within=30)
+    part = scan(births, {"b": [1.0, 2.0]}, "P=? [ F<=1 X >= 3 ]", truncate=30)
     assert (part.words("kind") == "proven").all()
     sampled = scan(births, {"b": [1.0, 2.0]}, "P=? [ F<=1 X >= 3 ]", max_states=500, runs=400)
     assert (sampled.words("kind") == CONFIDENCE).all()
@@ -247,7 +247,7 @@ def test_the_cost_is_told():
         ({"k": [1]}, "P=? [ F<=1 B > 0 ]", {"max_states": 0}, "^condition 'B > 0': unknown name 'B'"),
         ({"k": [1]}, "S=? [ B > 0 ]", {}, "^condition 'B > 0': unknown name 'B'"),
         ({"k": [1]}, 'R{"time"}=? [ F B > 0 ]', {}, "^condition 'B > 0': unknown name 'B'"),
-        ({"k": [1]}, "P=? [ F A = 0 ]", {"within": "B < 3"}, "^condition 'B < 3': unknown name 'B'"),
+        ({"k": [1]}, "P=? [ F A = 0 ]", {"truncate": "B < 3"}, "^condition 'B < 3': unknown name 'B'"),
         ({"k": [1]}, "P=? [ F A = 0 ]", {"max_states": 0}, "cannot be sampled: it has no end in time"),
         ({"k": [1]}, "S=? [ A = 0 ]", {"max_states": 0}, "cannot be sampled"),
         ({"k": [1]}, "E[A] @ 1", {"runs": 1}, "runs = 1; expected"),
