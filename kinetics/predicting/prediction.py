@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.network import Model, Network, Tank
+from kinetics.network import Model, Network
 from kinetics.predicting.job import Job
 from kinetics.predicting.methods import method_of
 from kinetics.predicting.observables import Observables
@@ -20,7 +20,7 @@ from kinetics.sampling import Auto, SamplingMethod
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.streamed import streamed
 from kinetics.sampling.watch import MAX_EVENTS
-from kinetics.support.arrays import Counts, Floats, real_number, some_times
+from kinetics.support.arrays import Counts, Floats, some_times
 from kinetics.support.datasets import dataset
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time, precision_of
@@ -151,9 +151,7 @@ def predict(
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
     observables: Observables | None = None,
-    tank: Tank | None = None,
     accuracy: AskedAccuracy | str | float | None = None,
-    budget: float | None = None,
     max_events: int = MAX_EVENTS,
 ) -> Prediction:
     """Predict mean and spread of the counts at `times` under `rates`, with a 95 % interval of the mean.
@@ -166,10 +164,8 @@ def predict(
     draws : least number of draws of the rates from their posterior; the interval comes from so many
     progress : called with a line of text on how far the work is; None for silence
     observables : sums of counts to report instead of all counts
-    tank : where it happens; None for the tank of the rates
     accuracy : instead of method and runs: an `AskedAccuracy`, or a text such as "1%"; the cheapest method that reaches
         it is chosen, see `adaptive_prediction`, and mean and sd are those at the posterior mean of each rate constant
-    budget : CPU time allowed for it, s; 1200 by default
     max_events : the most events of a sampled run; figures end before the first run that would come to more, or whose
         counts or propensities go beyond all numbers, see `simulate`
     ValueError: rates of another network or without their tank, missing rates, or what the method refuses; an accuracy
@@ -194,16 +190,16 @@ def predict(
     True
     """
     began = time.process_time()
-    _check_choice(accuracy, method, runs, budget)
+    _check_choice(accuracy, method, runs)
     method = Auto() if method is None else method_of(method)
     given = Model.of(model, initial)
-    posterior = None if rates is None or not rates.has_evidence else rates.posterior(given.network, tank)
+    posterior = None if rates is None or not rates.has_evidence else rates.posterior(given.network, given.tank)
     if rates is not None:
-        given = replace(given, network=rates.expected(given.network, tank))
+        given = replace(given, network=rates.expected(given.network, given.tank))
     report = progress or (lambda _: None)
     job = Job(given, some_times(times), observables, seed, threads, report, max_events)
     if accuracy is not None:
-        found = _adapted(job, accuracy, budget)
+        found = _adapted(job, accuracy)
     elif isinstance(method, SamplingMethod):
         found = _sampled(job, method, RUNS if runs is None else runs, posterior, draws)
     else:
@@ -295,26 +291,20 @@ def _sampled(job: Job, method: SamplingMethod, runs: int, posterior: RatesPoster
     return _Found(made, name, made.is_complete, notes)
 
 
-def _adapted(job: Job, accuracy: AskedAccuracy | str | float, budget: float | None) -> _Found:
+def _adapted(job: Job, accuracy: AskedAccuracy | str | float) -> _Found:
     """By the cheapest way to an accuracy."""
     from kinetics.predicting.accuracy import accuracy_of
     from kinetics.predicting.adaptive import adaptive_prediction
-    from kinetics.predicting.tuning import BUDGET
 
-    allowed = BUDGET if budget is None else real_number("budget", budget)
-    if not 0 < allowed < np.inf:
-        raise ValueError(f"budget = {allowed:g}; expected a positive number of seconds")
-    result, reached, is_complete = adaptive_prediction(job, accuracy_of(accuracy), allowed)
+    result, reached, is_complete = adaptive_prediction(job, accuracy_of(accuracy))
     notes = reached.notes
     if not is_complete:
         notes = (*notes, "ended before the accuracy was reached, by Ctrl-C or by the budget")
     return _Found(result, reached.chosen, is_complete, notes, reached=reached)
 
 
-def _check_choice(accuracy: object, method: object, runs: object, budget: object) -> None:
-    """Raise a ValueError where an accuracy is given beside what it would choose, or a budget without one."""
-    if accuracy is None and budget is not None:
-        raise ValueError("a budget, but no accuracy; a budget limits what an accuracy may cost")
+def _check_choice(accuracy: object, method: object, runs: object) -> None:
+    """Raise a ValueError if an accuracy is given together with what it would choose."""
     for name, value in (("method", method), ("runs", runs)):
         if accuracy is not None and value is not None:
             raise ValueError(

@@ -430,8 +430,6 @@ def test_an_accuracy_that_nothing_reaches_is_refused(given, message):
     [
         ({"accuracy": "1%", "method": "ssa"}, "beside an accuracy, which chooses method and runs itself"),
         ({"accuracy": "1%", "runs": 10}, "beside an accuracy, which chooses method and runs itself"),
-        ({"budget": 3.0}, "no accuracy; a budget limits what an accuracy may cost"),
-        ({"accuracy": "1%", "budget": 0.0}, "expected a positive number of seconds"),
     ],
 )
 def test_contradictions_are_refused(options, message):
@@ -447,12 +445,14 @@ def test_an_accuracy_below_the_last_digit_of_the_counts_is_refused():
 def test_an_accuracy_of_what_is_refused():
     with pytest.raises(ValueError, match="accuracy of 'median'; expected that of mean, sd, distribution"):
         AskedAccuracy(0.1, of="median")
+    with pytest.raises(ValueError, match="budget = 0; expected a positive number of seconds"):
+        AskedAccuracy(0.1, budget=0.0)
 
 
 def test_the_cost_beyond_the_budget_is_told_before_the_work_starts():
-    lines = []
+    lines, asked = [], AskedAccuracy(1e-5, is_relative=True, budget=1.0)
     with pytest.raises(ValueError, match=r"beyond the budget of 1 s of CPU time.* which runs may reach"):
-        predict(line(), None, [1000, 0, 0, 0], [50.0], accuracy="0.001%", budget=1.0, progress=lines.append)
+        predict(line(), None, [1000, 0, 0, 0], [50.0], accuracy=asked, progress=lines.append)
     made = [int(text.split()[0]) for text in lines if "of about" in text]
     assert max(made) <= MOST_FIRST  # those alone that forecast the cost
 
