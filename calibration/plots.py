@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, divided
 from kinetics.support.intervals import binomial_limits
 from kinetics.support.plots import COLOURS
 
@@ -150,7 +150,7 @@ def planned_shares(ax: Axes, tanks: Sequence[str], amounts: Mapping[str, Sequenc
     left = np.zeros(len(amounts))
     table = np.array(list(amounts.values()), dtype=float)
     whole = table.sum(axis=1)
-    shares = np.divide(table, whole[:, None], out=np.zeros_like(table), where=whole[:, None] > 0)
+    shares = divided(table, whole[:, None])
     for i, (tank, column) in enumerate(zip(tanks, shares.T, strict=True)):
         hatch = "" if i < len(COLOURS) else "//"
         ax.barh(range(len(amounts)), column, left=left, color=COLOURS[i % len(COLOURS)], label=tank, hatch=hatch)
@@ -238,7 +238,7 @@ def first_times(
     label, times, curve = predicted
     ax.plot(times, curve, color=colour, label=label)
     ax.fill_between(moments, low, high, step="post", color=OBSERVED, alpha=0.2, linewidth=0)
-    ax.step(moments, reached / n, where="post", color=OBSERVED, label=f"mechanics, {n} runs, 95 % limits")
+    ax.step(moments, reached / n, where="post", color=OBSERVED, label=f"mechanics, {n} runs, 95 % intervals")
     if seen.size == n:  # the curve is flat from the last one on
         ax.set_xlim(0, min(horizon, 1.5 * max(seen[-1], predicted_mean)))
     ax.set_ylim(0, 1)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import click
 from click.core import ParameterSource
 
 from calibration.validating.predictive import shown_p
+from kinetics.support.cli.declared import Decorated, count_option
 from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import table_of
 from kinetics.support.tables import figure, inverse, of_unit, text_table
@@ -21,16 +23,9 @@ if TYPE_CHECKING:
     from calibration.pipeline.held_out_study import ValidationStudy
 
 
-def seed_option(default: int) -> Any:
+def seed_option(default: int) -> Callable[[Decorated], Decorated]:
     """--seed, with the command's own default."""
-    return click.option(
-        "--seed",
-        metavar="N",
-        type=click.IntRange(min=0),
-        default=default,
-        show_default=True,
-        help="Random seed; the same seed gives the same result.",
-    )
+    return count_option("--seed", least=0, default=default, help="Random seed; the same seed gives the same result.")
 
 
 report_option = click.option(
@@ -78,7 +73,7 @@ def breaks_table(compared: BreakComparison) -> str:
         for row in compared.table()
     ]
     titles = (
-        *("break model", "parameters", "AIC above the least", "p against nested", "log score"),
+        *("break model", "parameters", "AIC above the smallest", "p against nested", "log score"),
         *("deviance (df)", "p", "shape [95 %]"),
     )
     lines = [text_table(titles, rows), f"* {compared.reason}."]
@@ -103,7 +98,7 @@ def rates_table(study: CalibrationStudy | ObservedStudy) -> str:
         for row in study.calibration.table()
     ]
     unit = study.calibration.network.time_unit
-    titles = ("channel", "ways", of_unit("rate", inverse(unit)), "95 % interval", "events", of_unit("exposure", unit))
+    titles = ("channel", "N", of_unit("rate", inverse(unit)), "95 % interval", "events", of_unit("exposure", unit))
     lines = [text_table(titles, rows), *filter(None, [study.diagnosis.looks.sentence])]
     if unseen := about_not_seen(study.calibration):
         lines.append(unseen)
@@ -159,11 +154,12 @@ def comparison_table(study: ValidationStudy) -> str:
         *("CPU mechanics (s)", "SSA", "exact"),
     )
     note = (
-        "Coverage of a predicted 95 % band by the mean and by single runs, with 95 % of what the model itself gives;\n"
+        "Coverage of a predicted 95 % band by the mean and by single runs, with the middle 95 % that the model "
+        "itself gives;\n"
         "misfit of the mean, about 1; waits for the first finished structure count to the end of a run at most."
     )
     if any(not comparison.is_exact for comparison in study.comparisons):
-        note += "\nToo many states for the exact solution: predicted by SSA runs, ± one standard error of theirs."
+        note += "\nToo many states for the exact solution: predicted by SSA runs, ± one standard error."
     diagnosed = diagnosis_lines(study.diagnosis)
     if prior := about_priors(study.rates.not_measured):
         note += f"\n{prior}"

@@ -95,15 +95,15 @@ class CoarseLooks:
         rates = finer = ""
         if said:
             rates = (
-                "Rates are off by about half of what their propensity changes by between two looks (for a decay alone: "
-                f"rate x resolution), and intervals do not allow for it: {'; '.join(said[:SHOWN])}{more}. "
+                "Rates are off by about half the change of their propensity between two looks (for a decay alone: "
+                f"rate x resolution), and intervals do not include that: {'; '.join(said[:SHOWN])}{more}. "
             )
             fine = resolution * COARSE / max(abs(each.fall) for each in self.channels)
             finer = f"below {in_unit(f'{fine:.2g}', unit)} for the rates, and "
         finer += f"below {in_unit(f'{resolution * COARSE / most:.2g}', unit)} for the tests"
         return (
-            f"Looks are coarse: they are {in_unit(f'{resolution:g}', unit)} apart, and up to {most:.3g} events of a "
-            f"channel come between two. {rates}Tests of waits, drift, mixing and crowding may fail for this alone. "
+            f"Looks are coarse: they are {in_unit(f'{resolution:g}', unit)} apart, with up to {most:.3g} events of a "
+            f"channel between two. {rates}Tests of waits, drift, mixing and crowding may fail for this reason alone. "
             f"Look at shorter intervals: {finer}."
         )
 

@@ -89,14 +89,14 @@ class DoubleBreaks:
         seen = (
             f"{self.seen} of {self.breaks} breaks came within {self.within:.3g} tu of the one before, "
             f"{self.expected:.2g} expected by chance (p = {self.p_value:.1g}): {self.share:.1%} "
-            f"[{low:.1%}, {high:.1%}] of breaks take a second one with them"
+            f"[{low:.1%}, {high:.1%}] of breaks come with a second one"
         )
         if not self.is_asked_for:
-            return f"{seen}; the data do not ask for a model with double breaks"
+            return f"{seen}; the data do not call for a model with double breaks"
         limits = f"{_variance_factor(low):.2f}, {_variance_factor(high):.2f}"
         return (
-            f"{seen}, and counts of breaks vary {self.variance_factor:.2f} [{limits}] times as much as in a chain of "
-            "single breaks, whose means hold and whose spread is that much too small"
+            f"{seen}, and counts of breaks vary {self.variance_factor:.2f} [{limits}] times as much as in a chain "
+            f"of single breaks, which has the right means and a spread that is too small by this factor"
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -159,5 +159,5 @@ def double_breaks(fit: RateFit, paths: Iterable[JumpPath], within: float) -> Dou
 def _hazard(fit: RateFit, path: JumpPath, times: Floats) -> Floats:
     """Breaks (n,) that the fit expects from the start of a run until each of these times."""
     begin, end, _ = sojourns(path)
-    gathered = np.append(0.0, np.cumsum(fit.integrated_hazards(path).sum(axis=1)))
+    gathered: Floats = np.append(0.0, np.cumsum(fit.integrated_hazards(path).sum(axis=1)))
     return np.interp(times, np.append(begin, end[-1]), gathered)

@@ -97,7 +97,7 @@ def require_same(first: Network, second: Network) -> None:
             "pool only runs of one rule book"
         )
     if first.combinations != second.combinations or not np.array_equal(first.ways, second.ways):
-        raise ValueError("two conventions: the networks differ in their ways or combinations; derive both anew")
+        raise ValueError("two conventions: the networks differ in multiplicities or combinations; derive both again")
 
 
 class Sojourns(NamedTuple):

@@ -215,7 +215,8 @@ def make_plan(request: PlanRequest, rates: Rates, cost: Cost) -> PlannedStudy:
         if not runs.any():
             least = FEWEST * sum(sized.values()) + float(allocate(table, costs, 1e-6) @ costs)
             raise ValueError(
-                f"{request.cpu_hours:g} CPU hours do not pay for a run that shows each rate and {FEWEST} held-out runs "
+                f"{request.cpu_hours:g} CPU hours are not enough for a run that shows each rate and {FEWEST} "
+                f"held-out runs "
                 f"of each size, {least / 3600:.3g} hours; give more --cpu-hours, or take fewer --cubes or --held-out"
             )
     seen = runs @ np.array([tank.events for tank in tanks])

@@ -104,7 +104,7 @@ class CrossValidation(Shown):
     @property
     def headline(self) -> str:
         """Of what, and how many runs beside how many predicted groups."""
-        return f"{self.name}: {self.runs} held-out runs beside {self.groups} predicted groups of as many"
+        return f"{self.name}: {self.runs} held-out runs, compared with {self.groups} predicted groups of as many"
 
     def summary(self) -> ResultTable:
         """Observed means beside the predicted band at the last time, and the verdict."""
@@ -238,7 +238,7 @@ class CrossValidation(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything in types that JSON can hold: arrays as lists, nan as None."""
-        return _plain(
+        plain: dict[str, Any] = _plain(
             {
                 "summary": self.figures(),
                 "is_consistent": self.is_consistent,
@@ -254,6 +254,7 @@ class CrossValidation(Shown):
                 "table": self.table(),
             }
         )
+        return plain
 
     def plot(self, axes: Sequence[Axes] | None = None, species: Sequence[str] | None = None) -> Sequence[Axes]:
         """Plot observed and predicted means with bands, one species per axes; all species unless some are named.

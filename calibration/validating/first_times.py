@@ -10,7 +10,7 @@ import numpy as np
 
 from kinetics.markov.transient.search import MAX_STATES, TooManyStatesError
 from kinetics.network import Model, Network
-from kinetics.network.laws.expression import quoted
+from kinetics.network.laws.writing import quoted
 from kinetics.runs import JumpPath, TruncatedRunsError
 from kinetics.sampling import Direct, first_times_of_draws
 from kinetics.support.arrays import Floats, Ints
@@ -216,7 +216,7 @@ def _passage(
     except (TooManyStatesError, TooLargeError):
         pass
     end = float(grid[-1])
-    found = Direct().simulate(network, initial, end, SAMPLES, seed, first_run=first_run, until=_present(species))
+    found = Direct().first_times(network, initial, _present(species), end, SAMPLES, seed, first_run=first_run)
     if found.truncated is not None:
         raise TruncatedRunsError(found.truncated)
     curve = np.searchsorted(np.sort(found.observed[found.is_reached]), grid, side="right") / SAMPLES
@@ -302,4 +302,4 @@ def _distances(levels: Floats, limit: float) -> Floats:
     # at each level seen the curve steps up; beyond the last one the diagonal goes on to the limit
     above = np.where(x <= limit, step[1:] - x, 0.0).max(axis=1)
     below = (np.minimum(x, limit) - step[:-1]).max(axis=1)
-    return np.maximum(above, below)
+    return np.asarray(np.maximum(above, below))

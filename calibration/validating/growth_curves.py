@@ -24,6 +24,7 @@ from kinetics.networkfree import Growth, Growths, grow
 from kinetics.networkfree.growth import NOTHING
 from kinetics.rates import ClassRates
 from kinetics.support.arrays import Floats, Ints, rising_times
+from kinetics.support.datasets import dataframe_over_times
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import text_table
 
@@ -80,7 +81,7 @@ class GrowthComparison(Shown, Tabular):
     @property
     def headline(self) -> str:
         """Of what, and how many runs beside how many predicted groups."""
-        return f"{self.label}, {self.runs} runs beside {self.groups} predicted groups of as many"
+        return f"{self.label}, {self.runs} runs, compared with {self.groups} predicted groups of as many"
 
     def summary(self) -> ResultTable:
         """The curves at the last time; the verdict below."""
@@ -181,15 +182,10 @@ class GrowthComparison(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row a time and curve."""
-        import pandas as pd
-
         columns = {"observed": self.observed, "predicted": self.predicted, "low": self.low, "high": self.high}
-        keys = {
-            "label": self.label,
-            "time": np.repeat(self.times, len(self.curves)),
-            "curve": list(self.curves) * self.times.size,
-        }
-        return pd.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
+        frame = dataframe_over_times(self.times, "curve", self.curves, columns)
+        frame.insert(0, "label", self.label)
+        return frame
 
     def to_dict(self) -> dict[str, Any]:
         """The comparison as a dictionary, ready for JSON."""

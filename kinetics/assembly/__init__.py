@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from kinetics.assembly.deriving.explore import Exploration, StructureEvent, explore
     from kinetics.assembly.deriving.ways import RateClass
     from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, SCHEMES, FaceScheme, compose, inverse
-    from kinetics.assembly.rules.rule_book import LivelockError, RuleBook, Semantics, Senses, View
+    from kinetics.assembly.rules.conditions import Semantics, Senses
+    from kinetics.assembly.rules.rule_book import LivelockError, RuleBook, View
     from kinetics.assembly.structure import Placement, Structure, placements
 
 _HOMES = {
@@ -26,7 +27,8 @@ _HOMES = {
     "kinetics.assembly.deriving.explore": ("Exploration", "StructureEvent", "explore"),
     "kinetics.assembly.deriving.ways": ("RateClass",),
     "kinetics.assembly.faces": ("FACE_NORMALS", "ROTATIONS", "SCHEMES", "FaceScheme", "compose", "inverse"),
-    "kinetics.assembly.rules.rule_book": ("LivelockError", "RuleBook", "Semantics", "Senses", "View"),
+    "kinetics.assembly.rules.conditions": ("Semantics", "Senses"),
+    "kinetics.assembly.rules.rule_book": ("LivelockError", "RuleBook", "View"),
     "kinetics.assembly.structure": ("Placement", "Structure", "placements"),
 }
 

@@ -18,9 +18,9 @@ from kinetics.support.cli.options import (
     model_options,
     plot_option,
     seed_option,
+    write_tables,
 )
 from kinetics.support.cli.progress import progress_line
-from kinetics.support.output import write_whole
 
 TIMES = 101  # at which distributions are compared
 
@@ -35,7 +35,7 @@ TIMES = 101  # at which distributions are compared
     metavar="MINUTES",
     type=POSITIVE,
     default=20.0,
-    help="CPU time allowed, minutes; the most expensive settings are skipped where they would exceed it.",
+    help="CPU time allowed, minutes; the most expensive settings are skipped if they would exceed it.",
 )
 @csv_option
 @plot_option
@@ -71,8 +71,7 @@ def kinetics(
             f"{asked.source}, {counts}", model, None, np.linspace(0.0, duration, TIMES), seed=seed,
             budget=60 * budget, report=lambda text: click.echo(text, err=as_json), progress=progress,
         )  # fmt: skip
-    for csv_file in csv_files:
-        write_whole(csv_file, made.to_dataframe().to_csv(index=False, float_format="%.6g"))
+    write_tables(csv_files, made.to_dataframe, float_format="%.6g")
     for plot_file in plot_files:
         from kinetics.support.plots import save
         from kinetics.trust.accuracy.plot import draw

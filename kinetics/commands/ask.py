@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 MODELS = (".sm", ".prism")
 INSTEAD = (
     "Truncate the chain by --truncate, which gives bounds; --stop it where what you ask is decided; start from "
-    "fewer copies, raise --max-states if they have an end, or sample by `wellmixed scan`"
+    "smaller counts, raise --max-states if the chain is finite, or sample by `wellmixed scan`"
 )
 
 
@@ -44,22 +44,23 @@ INSTEAD = (
 @click.option(
     "--stop",
     metavar="CONDITION",
-    help="Stop the chain of a network where this holds, and do not explore what lies beyond.",
+    help="Explore no further from states of a network in which this holds.",
 )
 @truncate_option
-@count_option("--max-states", default=1_000_000, help="Refuse a network that can reach more states.")
+@count_option("--max-states", default=1_000_000, help="Refuse a network that reaches more states than this.")
 @click.option(
     "--out",
     "out_file",
     metavar="FILE",
     callback=in_a_folder,
-    help="Write the chain to a .tra file and those beside it, or the network to a .sm or .prism model of PRISM.",
+    help="Write the chain to PRISM's explicit files (.tra and its companions), or the network to a PRISM model "
+    "(.sm, .prism).",
 )
 @click.option(
     "--sensitivity",
     "with_sensitivity",
     is_flag=True,
-    help="Say what each rate constant of a network does to each answer.",
+    help="Report derivative and elasticity of each answer by each rate constant of a network.",
 )
 @budget_option
 @json_option
@@ -74,15 +75,15 @@ def ask(
     budget: float,
     as_json: bool,
 ) -> None:
-    """Answer exact questions about a Markov chain: probabilities, rewards and the steady state, with bounds.
+    """Answer questions about a Markov chain: probabilities, rewards and the steady state, with bounds.
 
     NETWORK is a rule book, which needs --rates and --cubes, a network file that contains both, or a .tra file as PRISM
     and Storm write it. A QUESTION is one of theirs, such as 'P=? [ F<=100 quadmer >= 1 ]', 'P=? [ a > 0 U b = 3 ]',
     'S=? [ monomer < 5 ]' or 'R{"quadmer"}=? [ I=100 ]'; F, U and G take time bounds <=t and [a,b], R takes I=t, C<=t,
     F and S. Species count as variables and as rewards. Times are in tu.
 
-    For F, G and U a chain is followed no further than to where the answer is settled. A network that has no end even
-    so is truncated by --truncate; the bounds hold for any behaviour outside.
+    For F, G and U, states are explored only until the answer is settled. If that still leaves infinitely many,
+    --truncate truncates the chain; the bounds hold for any behaviour outside.
     """
     from kinetics.markov import Sensitivity
     from kinetics.markov.questions import parse

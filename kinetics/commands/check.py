@@ -18,18 +18,23 @@ from kinetics.support.cli.progress import progress_line
 )
 @count_option("--max-species", default=2000, help="Largest number of structures explored.")
 @default_option(
-    "--slow-waves/--no-slow-waves",
+    "--delayed-updates/--no-delayed-updates",
     default=True,
     help="Also explore collisions that happen before the internal rules have settled.",
 )
 @plot_option
 @json_option
 def check(
-    book: str, max_cubes: int | None, max_species: int, slow_waves: bool, plot_files: tuple[str, ...], as_json: bool
+    book: str,
+    max_cubes: int | None,
+    max_species: int,
+    delayed_updates: bool,
+    plot_files: tuple[str, ...],
+    as_json: bool,
 ) -> None:
     """Verify the rule book BOOK (a shipped book or a .toml file) by exploring everything it can assemble.
 
-    It reports off-target structures, dead ends, traps, starvation, growth without end, livelocks and unused rules, each
+    It reports off-target structures, dead ends, traps, starvation, unbounded growth, livelocks and unused rules, each
     with the shortest sequence of events that leads to it; --plot draws these. Exit code 1 if there are errors. Ctrl-C
     reports what was explored so far.
     """
@@ -38,7 +43,7 @@ def check(
 
     with progress_line() as progress:
         report = examine(
-            *(RuleBook.load(book), max_cubes, max_species, slow_waves),
+            *(RuleBook.load(book), max_cubes, max_species, delayed_updates),
             lambda explored, found: progress(f"{explored} of {found} explored"),
         )
     for plot_file in plot_files:
@@ -51,7 +56,7 @@ def check(
                 "structures": report.n_structures,
                 "events": report.n_events,
                 "recoverability": report.recoverability._asdict(),
-                "slow_waves": report.waves,
+                "delayed_updates": report.waves,
                 "findings": [
                     {
                         "kind": finding.kind,

@@ -87,9 +87,9 @@ def compile_(
     A target file draws the cubes in `layers` (# a cube, a dot for none; x, y or z a cube whose top looks along that
     axis) or lists their places as `cubes`; it may set `seed`, `senses`, `joins`, `breaks` and `max_letters`.
 
-    The book is verified before it is printed, with what was searched: the weakest senses that do, unless the options or
-    the target name them, then the fewest letters, then few rules. --seed matters only for structures that grow from a
-    seed cube.
+    The search takes the weakest sufficient senses, unless the options or the target name them, then the fewest letters,
+    then few rules. The book is verified before it is printed, with a report of the search. --seed matters only for
+    structures that grow from a seed cube.
     """
     from kinetics.assembly import Senses
     from kinetics.assembly.compiler import Target, compile_book

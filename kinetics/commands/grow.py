@@ -24,9 +24,10 @@ from kinetics.support.cli.options import (
     plot_option,
     seed_option,
     time_grid,
+    write_plots,
+    write_tables,
 )
 from kinetics.support.cli.progress import progress_line
-from kinetics.support.output import write_whole
 from kinetics.support.tables import text_table, with_spread
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ FRAMES = 8  # of a strip
 @count_option(
     "--posterior-draws",
     "draws",
-    help="With --rates: spread the runs over so many draws of the rates from their evidence.  [default: none]",
+    help="With --rates: spread the runs over this many draws of the rates from their posterior.  [default: none]",
 )
 @click.option(
     "--join",
@@ -70,7 +71,7 @@ FRAMES = 8  # of a strip
 @count_option(
     "--max-events",
     default=MAX_EVENTS,
-    help="Most events of a run. Where one would come to more, figures end before it.",
+    help="Maximum number of events in a run; results end where a run would exceed it.",
 )
 @click.option(
     "--strip",
@@ -109,7 +110,7 @@ def grow(
     The simulation is statistically exact, as sampling in `predict` is, and works for books that can assemble any number
     of structures. Rates by class come from `calibrate` and are described in docs/class_rates.md. It reports mean and
     standard deviation over the runs. Ctrl-C keeps the runs that are finished. Exit code 4: a run was truncated, and
-    there are fewer times than were asked for.
+    there are fewer times than requested.
     """
     from kinetics.assembly import RuleBook
     from kinetics.networkfree import grow as make
@@ -131,12 +132,8 @@ def grow(
             raise TruncatedRunsError(truncated)
         grid = grid[grid <= truncated.until]
     cpu_seconds = time.process_time() - began
-    for csv_file in csv_files:
-        write_whole(csv_file, made.to_dataframe(grid).to_csv(index=False))
-    for plot_file in plot_files:
-        from kinetics.support import plots
-
-        plots.save(plot_file, lambda ax: made.plot(ax, grid))
+    write_tables(csv_files, lambda: made.to_dataframe(grid))
+    write_plots(plot_files, lambda ax: made.plot(ax, grid))
     for file in strips:
         from kinetics.assembly.drawing.pictures import strip
 
@@ -259,7 +256,7 @@ def _notes(made: Growths, cpu_seconds: float) -> list[str]:
     n, events = len(made.runs), sum(run.times.size for run in made.runs)
     draws = sum(run.draws for run in made.runs)
     what = "mean ± sd of a run" if n > 1 else "of a single run, which has no spread"
-    notes = [f"{what}: structures by their number of cubes, and the cubes of the largest one"]
+    notes = [f"{what}: structures by their number of cubes, and the size of the largest"]
     if made.target is not None:
         first = made.first_times(made.target)
         reached = int(np.isfinite(first).sum())

@@ -26,6 +26,7 @@ from kinetics.support.cli.options import (
     plot_option,
     seed_option,
     truncate_option,
+    write_plots,
 )
 from kinetics.support.cli.progress import progress_line, stage
 from kinetics.support.tables import figure, in_unit, of_unit, text_table
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 MOST = 1_000_000  # states
 MOST_EVENTS = 10_000_000  # of a sampled run without a horizon
 INSTEAD = (
-    "Truncate the chain by --truncate, which gives bounds; start from fewer copies, or sample the time: --method ssa"
+    "Truncate the chain by --truncate, which gives bounds; start from smaller counts, or sample the time: --method ssa"
 )
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
@@ -50,21 +51,21 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     "--species", metavar="SPECIES", required=True, help="The species to wait for, or an observable of the network file."
 )
 @count_option("--copies", default=1, help="Number of its copies to wait for.")
-@heading(RULES)
 @default_option(
     "--method",
     type=click.Choice(["solve", "ssa"]),
     default="solve",
     help="Solve for the time, or sample it: for networks of any size.",
 )
-@count_option("--runs", least=2, default=1000, help="Number of independent runs that are sampled.")
+@count_option("--runs", least=2, default=1000, help="Number of independent runs to sample.")
 @click.option(
     "--horizon",
     metavar="TIME",
     type=click.FloatRange(min=0, min_open=True),
     default=np.inf,
-    help="Time at which a sampled run ends at the latest.  [default: when nothing can happen any more]",
+    help="Latest time at which a sampled run ends.  [default: when nothing can happen any more]",
 )
+@heading(RULES)
 @count_option(
     "--posterior-draws",
     "draws",
@@ -78,7 +79,8 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     "--sensitivity",
     "with_sensitivity",
     is_flag=True,
-    help="Say what each rate constant does to mean, sd and quantiles, or to the probability where that is below 1.",
+    help="Report elasticities by each rate constant: of mean, sd and quantiles, or of the probability if it is "
+    "below 1.",
 )
 @plot_option
 @budget_option
@@ -101,11 +103,11 @@ def passage(
 ) -> None:
     """Solve for the first-passage time to a number of copies of a species: mean, sd, quantiles, distribution function.
 
-    NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. The time is solved
-    for. If the rates come with their events and exposure, the mean is the posterior median of the mean time, with a
-    95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant. By --method ssa the
-    time is sampled at these rate constants, and the intervals show the number of runs alone.
-    A network with too many states is truncated by --truncate, which gives bounds.
+    NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. The time is solved,
+    not sampled. If the rates come with their events and exposure, the mean is the posterior median of the mean time,
+    with a 95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant. With --method
+    ssa the time is sampled at these rate constants, and the intervals reflect the number of runs only. For a network
+    with too many states, --truncate gives bounds.
     """
     from kinetics.markov.network_questions import chain_to
     from kinetics.predicting import predict_passage
@@ -114,7 +116,7 @@ def passage(
     model, rates = given = described(asked)
     counted = model.counted(species)
     if truncate is not None and (plot_files or with_sensitivity):
-        raise ValueError("--truncate gives bounds, which have neither --plot nor --sensitivity; leave one out")
+        raise ValueError("--truncate gives bounds, for which there is neither --plot nor --sensitivity; leave one out")
     if method == "ssa":
         if truncate is not None or with_sensitivity:
             raise ValueError("--method ssa takes neither --truncate nor --sensitivity; leave them out")
@@ -122,7 +124,7 @@ def passage(
         return
     slopes = None
     with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:
-        progress("solving for the passage")
+        progress("solving for the first-passage time")
         if truncate is None:
             made = predict_passage(model, rates, None, counted, copies, seed, draws)
             found, mean, notes, network = made.passage, made.mean, made.notes, made.network
@@ -136,10 +138,7 @@ def passage(
         if with_sensitivity:
             progress("sensitivities")
             slopes = _sensitivities(replace(model, network=network), counted, copies, found)
-    for plot_file in plot_files:
-        from kinetics.support import plots
-
-        plots.save(plot_file, found.plot)
+    write_plots(plot_files, found.plot)
     if as_json:
         curve = np.linspace(0.0, float(found.quantile(0.99 * found.probability)), 101)
         is_whole = found.earliest is None
@@ -250,7 +249,7 @@ def _sample(
     as_json: bool,
 ) -> None:
     """First times of runs that end with the passage, at the posterior mean of each rate constant."""
-    from kinetics.network.laws.expression import quoted
+    from kinetics.network.laws.writing import quoted
     from kinetics.runs import TruncatedRunsError
     from kinetics.sampling import simulate
     from kinetics.sampling.watch import MAX_EVENTS
@@ -270,10 +269,7 @@ def _sample(
                 f"{until} has not held in run {told.run} by {in_unit(f'{told.time:.4g}', unit)}, where it was "
                 f"truncated: {told.cause}; give a --horizon, at which runs end"
             ) from error
-    for plot_file in plot_files:
-        from kinetics.support import plots
-
-        plots.save(plot_file, found.plot)
+    write_plots(plot_files, found.plot)
     quantiles = {q: found.answer(q) for q in QUANTILES}
     if as_json:
         echo_json(

@@ -30,17 +30,18 @@ from kinetics.support.cli.options import (
     plot_option,
     seed_option,
     time_grid,
+    write_plots,
+    write_tables,
 )
 from kinetics.support.cli.progress import progress_line
-from kinetics.support.output import write_whole
 from kinetics.support.tables import figure, in_unit, text_table
 
 if TYPE_CHECKING:
     from kinetics.predicting import AskedAccuracy, Elasticities, Prediction
 
 INSTEAD = (
-    "Keep only the likely states by --method fsp; start from fewer copies, or leave out --method, which samples",
-    "Ask for earlier times, start from fewer copies, or leave out --method, which samples",
+    "Keep only the likely states by --method fsp, start from smaller counts, or leave out --method to sample",
+    "Ask for earlier times, start from smaller counts, or leave out --method to sample",
 )  # of the others, and of fsp
 
 
@@ -59,7 +60,7 @@ INSTEAD = (
 @click.option("--method", type=MethodName(), help="Sampling or solving method.  [default: auto]")
 @count_option(
     "--runs",
-    help="Least number of runs, for a sampling method; with evidence, 100 under each draw of the rates.  "
+    help="Minimum number of runs of a sampling method; if the rates have evidence, 100 for each draw of the rates.  "
     "[default: 1000]",
 )
 @click.option(
@@ -71,13 +72,13 @@ INSTEAD = (
     "--accuracy-of",
     type=click.Choice(("mean", "sd", "distribution")),
     default="mean",
-    help="What --accuracy is the error of.",
+    help="Quantity whose error --accuracy limits.",
 )
 @budget_option
 @count_option(
     "--max-events",
     default=MAX_EVENTS,
-    help="Most events of a run. Where one would come to more, figures end before it.",
+    help="Maximum number of events in a run; results end where a run would exceed it.",
 )
 @count_option("--threads", help="Largest number of threads used.  [default: one per core]")
 @heading(RULES)
@@ -86,10 +87,13 @@ INSTEAD = (
     "draws",
     least=2,
     default=200,
-    help="Least number of draws of the rates, for the runs and for the interval.",
+    help="Minimum number of posterior draws of the rates, for the runs and the interval.",
 )
 @click.option(
-    "--elasticity", "with_elasticity", is_flag=True, help="Say what each parameter of the rates does to the last means."
+    "--elasticity",
+    "with_elasticity",
+    is_flag=True,
+    help="Report the elasticity of each mean at the last time by each parameter of the rates.",
 )
 @click.option(
     "--elasticity-plot",
@@ -97,7 +101,7 @@ INSTEAD = (
     metavar="FILE",
     multiple=True,
     callback=picture_of,
-    help="Write bars of these elasticities to this PNG, PDF or SVG file; may be repeated.",
+    help="Write a bar chart of these elasticities to this PNG, PDF or SVG file; may be repeated.",
 )
 @heading(HEADING)
 @csv_option
@@ -133,13 +137,13 @@ def predict(
     expected to be cheapest; `transient` solves the master equation. Runs are not stored, so there may be millions;
     Ctrl-C reports those made so far.
 
-    With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until
-    they are enough, in 20 minutes of CPU time unless --budget says otherwise. 1% is relative to each species' largest
-    mean over the times, or to one copy where that is more. The report says what was chosen, what each way was forecast
-    to cost, the error reached, and what a tenth would cost.
+    With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until they
+    are enough, in 20 minutes of CPU time unless --budget says otherwise. 1% is relative to each species' largest mean
+    over the times, or to one copy where that is more. The report says what was chosen, what each method was forecast to
+    cost, the error reached, and what a tenth of the error would cost.
 
-    A run that would never end, because counts grow without limit or events are too quick, is truncated; figures are
-    given for the times before, and a note says why. Exit code 4: there are fewer times than were asked for.
+    A run that would not end, because counts grow without bound or events come too fast, is truncated; results are given
+    for the times before, with a note. Exit code 4: there are fewer times than requested.
     """
     from kinetics.predicting import predict as make
 
@@ -147,9 +151,7 @@ def predict(
     asked_for = _accuracy(accuracy, accuracy_of, None if is_default else 60 * budget)
     model, rates = given = described(asked)
     if (with_elasticity or elasticity_files) and rates is None:
-        raise ValueError(
-            f"elasticities are those to the parameters of a rates file; {asked.source} brings rates of its own"
-        )
+        raise ValueError(f"elasticities are by the parameters of a rates file; {asked.source} has its own rates")
     grid, sums = time_grid(duration, times), shown_of(model, shown)
     chosen = None if method is None else within_budget(method, 60 * budget)
     with progress_line(budget=budget) as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
@@ -161,17 +163,10 @@ def predict(
             progress("elasticities")
             drawn = None if made.drawn is None else made.drawn.at_last()
             found = count_elasticities(model, rates, None, made.times[-1:], drawn, sums)
-    for csv_file in csv_files:
-        write_whole(csv_file, made.to_dataframe().to_csv(index=False))
-    for plot_file in plot_files:
-        from kinetics.support import plots
-
-        plots.save(plot_file, made.plot)
+    write_tables(csv_files, made.to_dataframe)
+    write_plots(plot_files, made.plot)
     if found is not None:
-        from kinetics.support import plots
-
-        for elasticity_file in elasticity_files:
-            plots.save(elasticity_file, partial(found.plot, names=made.network.species))
+        write_plots(elasticity_files, partial(found.plot, names=made.network.species))
     if as_json:
         has_interval = made.low is not None
         echo_json(
@@ -214,7 +209,7 @@ def _accuracy(size: str | None, of: str, budget: float | None) -> AskedAccuracy 
     """The accuracy asked for, in so many seconds of CPU time (None: as by default); None if there is none."""
     if size is None:
         if of != "mean":
-            raise ValueError(f"--accuracy-of {of}, but no --accuracy; say how small the error must be, as in 1%")
+            raise ValueError(f"--accuracy-of {of}, but no --accuracy; state it, as in --accuracy 1%")
         return None
     from kinetics.predicting import AskedAccuracy
 

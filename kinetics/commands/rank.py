@@ -22,6 +22,8 @@ from kinetics.support.cli.options import (
     json_option,
     plot_option,
     seed_option,
+    write_plots,
+    write_tables,
 )
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.config import read_toml
@@ -59,7 +61,7 @@ if TYPE_CHECKING:
 )
 @count_option("--cubes", default=60, help="Number of free cubes at time 0.")
 @default_option("--horizon", metavar="T", type=float, default=2000.0, help="Time at which the yield is taken, tu.")
-@count_option("--runs", least=2, default=1000, help="Number of runs for a book that has to be sampled.")
+@count_option("--runs", least=2, default=1000, help="Number of runs for a book that is sampled.")
 @count_option(
     "--posterior-draws",
     "draws",
@@ -111,8 +113,8 @@ def rank(
     to the target, fewest joins first, until the time limit.
 
     The report gives the expected yield at the horizon and the mean time to the first target, each with its error:
-    solved exactly where the states are few enough, sampled otherwise. Books whose difference lies within the errors
-    share a place.
+    solved exactly if the states are few enough, sampled otherwise. Books that differ by less than their errors share a
+    rank.
     """
     from kinetics.assembly.rules.writing import written
     from kinetics.predicting.ranking import ranking
@@ -125,12 +127,8 @@ def rank(
     if best_file:
         best = made.books[0].name
         write_whole(best_file, written(next(book for book in loaded if book.name == best)))
-    for csv_file in csv_files:
-        write_whole(csv_file, made.to_dataframe().to_csv(index=False))
-    for plot_file in plot_files:
-        from kinetics.support import plots
-
-        plots.save(plot_file, made.plot)
+    write_tables(csv_files, made.to_dataframe)
+    write_plots(plot_files, made.plot)
     if as_json:
         echo_json({"rates": rates.as_dict(without={"evidence"}, none=False), **made.as_dict()})
     else:
@@ -212,6 +210,6 @@ def _rates(
     try:
         return ClassRates.fitting(name or "", map(derive, owners))
     except ValueError as error:
-        if of_book is None and "not here" in str(error):
+        if of_book is None and "network of another book" in str(error):
             raise ValueError(f"{error}. Say which book by --rates-book") from None
         raise

@@ -19,6 +19,7 @@ from kinetics.support.cli.options import (
     seed_option,
     table_of,
     truncate_option,
+    write_tables,
 )
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
@@ -92,13 +93,13 @@ def scan(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Answer questions at every combination of values, exactly where the states can be listed, else by samples.
+    """Answer questions at every combination of values, exactly if the states can be enumerated, otherwise by sampling.
 
     NETWORK is a rule book, which needs --rates and --cubes (or --over cubes=...), or a network file that contains both.
     Questions are those of `wellmixed ask`. Exact answers have bounds that are proven unless the column `kind` says
-    otherwise; sampled ones have a 95 % interval. The first points tell the cost. Points are kept as they come: after
-    Ctrl-C the same command goes on from there, and a grid may grow. Exit code 1: a question has no answer at some
-    points, for which the table says why.
+    otherwise; sampled ones have a 95 % interval. The cost is forecast from the first points. Points are stored as they
+    are answered: after Ctrl-C, or with a larger grid, the same command answers only those that are missing. Exit code
+    1: a question has no answer at some points, for which the table says why.
     """
     from kinetics.predicting.scanning import read_values
     from kinetics.predicting.scanning import scan as make
@@ -119,7 +120,7 @@ def scan(
         asked = asked._replace(cubes=max(1, int(over["cubes"][0])))  # the scan checks all of them
     given = described(asked)
     model = applied(*given)
-    keep(f"points that are done are kept in {folder}, and the same command goes on from there")
+    keep(f"answered points are stored in {folder}; the same command continues from there")
     with progress_line(budget=budget) as progress:
         made = make(
             model,
@@ -133,8 +134,7 @@ def scan(
             folder=folder,
             progress=progress,
         )
-    for csv_file in csv_files:
-        write_whole(csv_file, made.to_dataframe().to_csv(index=False))
+    write_tables(csv_files, made.to_dataframe)
     for parquet_file in parquet_files:
         write_whole(parquet_file, made.to_dataframe().to_parquet(index=False))
     for plot_file in plot_files:
@@ -166,8 +166,8 @@ def scan(
     if not made.is_complete:
         done = sum(answers is not None for answers in made.answers)
         click.echo(
-            f"Interrupted: {done} of {len(made.answers)} points are answered, and kept in {folder}; the same command "
-            "goes on from there.",
+            f"Interrupted: {done} of {len(made.answers)} points are answered and stored in {folder}; the same "
+            f"command continues from there.",
             err=True,
         )
         raise SystemExit(INTERRUPTED)

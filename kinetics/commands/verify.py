@@ -35,10 +35,14 @@ ENSEMBLES, WITH_POWER = 2, 14  # of runs, at most: of this seed and the next; of
     "--method",
     type=click.Choice([ALL, *METHODS]),
     default=ALL,
-    help="Sampling method that is verified; all those that take the network, or one.",
+    help="Sampling method to verify, or all that support the network.",
 )
-@count_option("--runs", least=100, default=20_000, help="Number of runs of each method; more show smaller errors.")
-@click.option("--power/--no-power", default=True, help="Measure by mutants of the runs which mistakes would be seen.")
+@count_option(
+    "--runs", least=100, default=20_000, help="Number of runs of each method; more runs detect smaller errors."
+)
+@click.option(
+    "--power/--no-power", default=True, help="Measure, on runs with planted mistakes, which of them the checks detect."
+)
 @budget_option
 @seed_option
 @json_option
@@ -57,7 +61,7 @@ def verify(
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. Runs are compared
     with the exact distribution at each time and from one time to the next, and with each other, within a seed and
     between this seed and the next. All checks of a method together give a false alarm once in a million. The report
-    says which mistakes would be seen in as many runs. Solvers must agree within their stated errors. Exit code 1 if
+    says which mistakes so many runs would detect. Solvers must agree within their stated errors. Exit code 1 if
     anything fails.
     """
     from kinetics.trust.solver_agreement import compare_solvers
@@ -68,7 +72,7 @@ def verify(
     chosen = [kind() for name, kind in METHODS.items() if method in (ALL, name)]
     refused = {one.name: one.refusal(model.network) for one in chosen}
     if all(refused.values()):
-        raise ValueError(f"no such method takes the network: {'; '.join(refused.values())}")
+        raise ValueError(f"no such method supports the network: {'; '.join(refused.values())}")
     with progress_line(budget=budget) as progress:
         for one in chosen:
             if not refused[one.name]:

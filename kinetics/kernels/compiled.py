@@ -26,9 +26,8 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.types import unliteral
 
 PREFIX = "kernels-"
-KEPT = (
-    3  # folders of one room: going back to sources of a while ago, or another version of Numba, compiles nothing anew
-)
+# Folders of one room: going back to sources of a while ago, or another version of Numba, compiles nothing anew.
+KEPT = 3
 
 
 def compiled(
@@ -56,7 +55,8 @@ def compiled(
             if "no locator available" not in str(error):
                 raise
             say_that_nothing_is_kept()
-    return dispatcher
+    kernel: Callable[..., Any] = dispatcher
+    return kernel
 
 
 def template_of_plain_types(template: Callable[..., Any], args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
@@ -84,8 +84,8 @@ def say_that_nothing_is_kept() -> None:
     if multiprocessing.parent_process() is not None:  # a worker's command has said so
         return
     warnings.warn(
-        "there is no folder to keep compiled kernels in, so each command compiles what it needs anew, for seconds; "
-        "set NUMBA_CACHE_DIR to a folder that can be written",
+        "there is no folder for compiled kernels, so each command compiles them anew, which takes seconds; set "
+        "NUMBA_CACHE_DIR to a writable folder",
         RuntimeWarning,
         stacklevel=3,
     )
@@ -97,7 +97,7 @@ def say_that_it_compiles() -> None:
     from kinetics.support.cli.progress import is_terminal
 
     if is_terminal(sys.stderr) and multiprocessing.parent_process() is None:
-        print("compiling kernels, which are kept for the next time ...", file=sys.stderr, flush=True)  # noqa: T201
+        print("compiling kernels, which are stored for the next time ...", file=sys.stderr, flush=True)  # noqa: T201
 
 
 class KernelCache(FunctionCache):

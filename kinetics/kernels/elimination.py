@@ -36,6 +36,7 @@ def reduce(band, leaving, exits, begin, end):
         exits[k] = total
         if total == 0.0:
             continue
+        # Reroute what went through state k: q_ij += (q_ik / S_k) q_kj, and likewise to the outside.
         for i in range(low, k):
             if band[i, k - i + b] == 0.0:
                 continue
@@ -58,10 +59,12 @@ def solve(band, exits, x):
     """
     n = exits.size
     b = band.shape[1] // 2
+    # From the last state: its reward until exit counts for the states that lead to it.
     for k in range(n - 1, 0, -1):
         if x[k] != 0.0:
             for i in range(max(0, k - b), k):
                 x[i] += band[i, k - i + b] * x[k]
+    # Back substitution from the first state, each in the chain of the states before it.
     for k in range(n):
         total = x[k]
         for j in range(max(0, k - b), k):
@@ -101,6 +104,7 @@ def balance(band, x):
         x[k] = 0.0
         for i in range(max(0, k - b), k):
             x[k] += x[i] * band[i, k - i + b]
+        # Scale down in time: only ratios count, and weights may grow beyond double.
         if x[k] > 1e200:
             for i in range(k + 1):
                 x[i] *= 1e-200

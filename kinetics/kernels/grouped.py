@@ -90,6 +90,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     outcome = UNFINISHED
     is_over, chosen = False, 0
     for draw in range(waits.size):
+        # Steps 2 and 3 of the direct method, from the sums of blocks: see `direct.advance`.
         total = 0.0
         for i in range(np.uint64(n_blocks)):
             total += sums[i]
@@ -99,6 +100,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             break
         chosen = channel_at(propensities, sums, upto, uniforms[draw] * total, total)
 
+        # Step 4: fire; a count beyond 63 bits wraps to a negative one.
         first, last = channels[6 * chosen + 4], channels[6 * chosen + 5]
         for k in range(first, last):
             s = changes[2 * k]
@@ -107,6 +109,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         if is_over:
             outcome = OVERFLOW
             break
+        # Step 1 for the next event: renew only the channels that read a changed count, then the sums of their blocks.
         for k in range(first, last):
             s = changes[2 * k]
             for i in range(species[4 * s], species[4 * s + 1]):

@@ -33,6 +33,7 @@ def reduce(begins, columns, shares, leaving, middles, exits):
             share = shares[e] / exits[k]
             shares[e] = share
             lost += share * leaving[k]
+            # Reroute what went through state k; without an entry for the pair, it leaves the chain.
             for f in range(middles[k], begins[k + 1]):
                 j = columns[f]
                 if j != i:
@@ -42,6 +43,7 @@ def reduce(begins, columns, shares, leaving, middles, exits):
                         lost += share * shares[f]
             e += 1
         middles[i] = e
+        # Up to here what leaves the chain; with the rates that stay, the exit rate, summed and never subtracted.
         leaving[i] = lost
         for f in range(e, begins[i + 1]):
             lost += shares[f]
@@ -54,6 +56,7 @@ def reduce(begins, columns, shares, leaving, middles, exits):
 def solve(begins, middles, columns, shares, exits, x):
     """Reward accumulated until exit in the chain of the factors, at reward rates x (n,); in place."""
     n = exits.size
+    # Forward with the shares below the diagonal, then backward with the rates above it.
     for i in range(n):
         total = x[i]
         for e in range(begins[i], middles[i]):

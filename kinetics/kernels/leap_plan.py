@@ -141,6 +141,8 @@ def set_box(laws, cells, length):
     """The box of a leap of this length, by the events expected of it, `cells.means` per unit of time."""
     n_species = cells.counts.size - 1
     box_low, box_high, falls, rises = cells.box_low, cells.box_high, cells.at_least, cells.at_most
+    # The box: WIDE standard deviations of Poisson falls and rises beyond their means, falls and rises by themselves, as
+    # in the worst order.
     box_low[:n_species] = 0.0  # means and variances, until the end
     box_high[:n_species] = 0.0
     falls[:n_species] = 0.0
@@ -179,10 +181,12 @@ def plan_leap(model, cells, length):
     for r in range(n_channels):
         cells.means[r] = propensity(laws, r, copies)
         total += cells.means[r]
+    # A total of 0 or beyond double leaves nothing to leap over.
     longest = MOST_EVENTS / total if total > 0.0 else np.inf
     if not (longest < np.inf and total < np.inf):
         return length, 0.0
     length = min(max(length, 1.0 / total), longest)
+    # Fixed-point search for the length whose expected open events, sum of (high - low) * length, are `open_events`.
     for _ in range(TRIALS):
         set_box(laws, cells, length)
         undecided = 0.0

@@ -36,6 +36,7 @@ def member_at(members, chosen, counts, stream):
     first, end = members.spans[chosen], members.spans[chosen + 1]
     if end - first == 1:
         return members.channels[first]
+    # The members fire in proportion to weight * (x[partner] - less): the propensity without its common factor.
     total = 0.0
     for k in range(first, end):
         total += members.weights[k] * (counts[members.partners[k]] - members.less[k])

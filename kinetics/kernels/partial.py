@@ -154,6 +154,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         if outcome != UNFINISHED:
             break
 
+        # The owner, from spans of 64 to blocks of 8 to single owners, by the uniform share of the total bound.
         target = uniforms[draw] * total
         span = np.uint64(0)
         while span + one < n_spans and spans[span] <= target:
@@ -169,6 +170,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         while owner < last and sums[owner] <= target:
             target -= sums[owner]
             owner += one
+        # The channel: a walk over the exact partial propensities of the owner.
         share = target / copies[owner]
         chosen, end = np.uint64(owned_starts[owner]), np.uint64(owned_starts[owner + one])
         part = 0.0
@@ -186,6 +188,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             if part > share:
                 break
             chosen += one
+        # Thinning: the share lies in the margin between bound and true sum, so nothing happens. If the true total is
+        # 0, only margins are left, and the run is frozen.
         if not part > share:
             is_frozen = refresh(model, work) == 0.0
             age = 0
@@ -205,6 +209,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             begin, end = np.uint64(reach[s, 0]), np.uint64(reach[s, 1])
             if begin == end:
                 continue
+            # L_i += C_is * change for every owner i coupled to the changed species, then the sums above it.
             gained = float(change_copies[k])
             for i in range(begin, end):
                 partials[i] += couplings[s, i] * gained

@@ -125,7 +125,7 @@ class Chain:
         """A ValueError where the chain is truncated."""
         if self.truncated.any():
             raise ValueError(
-                f"{question} needs the whole state space, and this chain is truncated: list all of its states, or ask "
+                f"{question} needs the whole state space, and this chain is truncated: enumerate all states, or ask "
                 f"for a probability, a committor, a passage time or a reward"
             )
 
@@ -259,7 +259,7 @@ class Chain:
         if twice.max() > 1:
             row = int(np.argmax(twice))
             state = row if self.counts is None else self.counts[row].tolist()
-            raise ValueError(f"state {state} belongs to two targets; make them exclude each other")
+            raise ValueError(f"state {state} belongs to two targets; make them disjoint")
         return replace(committor_of(*self._begun, masks, self.truncated & (twice == 0)), space=self.space)
 
     @property
@@ -272,7 +272,10 @@ class Chain:
     def _by(self, held: Mask, stops: Mask, by: float, method: ListingMethod | None, first: FirstPhase | None) -> Answer:
         """The probability of `held` at a time, of the chain that is stopped, from a first phase on if there is one."""
         chain, space = self.transitions.stopped(stops), stopped_in(self.space, stops)
-        ends = lambda start, time: mean_at(chain, start, held.astype(float), time, space, method)  # noqa: E731
+
+        def ends(start: Floats, time: float) -> Answer:
+            return mean_at(chain, start, held.astype(float), time, space, method)
+
         if first is None:
             return ends(self.initial, one_time("by", by)).clipped()
         return first.then(ends, float(chain.exits.max(initial=0.0))).clipped()

@@ -47,7 +47,9 @@ def enumerated(
     space = reachable(network, initial, ends, most)
     truncated = space.is_stopped & ~stops(space.states)
     if truncated[0]:
-        raise ValueError("the chain starts outside the states that it is truncated to; give a condition that holds")
+        raise ValueError(
+            "the chain starts outside the states to which it is truncated; give a condition that holds there"
+        )
     return space, truncated
 
 
@@ -62,7 +64,7 @@ def _nearest(
     enough = whole_number("truncate", at_least, 1)
     if enough > most:
         raise TooManyStatesError.of(
-            f"truncate = {enough} states, but at most {most} are listed", "Truncate to fewer, or allow more"
+            f"truncate = {enough} states, but at most {most} are enumerated", "Truncate to fewer, or allow more"
         )
     search = Search(network, network.state(initial)[None, :], most, stop)
     begin = 0

@@ -41,7 +41,7 @@ def tabulate(keys: Words, n: int, size: int) -> Ints:
         return slots
     from kinetics.kernels import exploration
 
-    return exploration.tabulate(keys, n, size)
+    return np.asarray(exploration.tabulate(keys, n, size))
 
 
 def find(asked: Ints, asked_keys: Words, table: Table) -> Ints:
@@ -49,7 +49,7 @@ def find(asked: Ints, asked_keys: Words, table: Table) -> Ints:
     if not is_built():
         from kinetics.kernels import exploration
 
-        return exploration.find(asked, asked_keys, *table)
+        return np.asarray(exploration.find(asked, asked_keys, *table))
     rows = np.empty(len(asked), np.int64)
     space = _space(table)
     call("find", given(asked, np.int64), given(asked_keys, np.uint64), len(asked), space, rows)
@@ -62,7 +62,7 @@ def insert(new: Ints, new_keys: Words, table: Table, n: int, rows: Ints) -> int:
     if not is_built():
         from kinetics.kernels import exploration
 
-        return exploration.insert(new, new_keys, *table, n, rows)
+        return int(exploration.insert(new, new_keys, *table, n, rows))
     space = _space(table)
     return int(call("insert", given(new, np.int64), given(new_keys, np.uint64), len(new), space, n, rows))
 
@@ -115,7 +115,7 @@ def neighbours(begin: int, propensities: Floats, changes: Entries, key_changes: 
     if not is_built():
         from kinetics.kernels import exploration
 
-        return exploration.neighbours(begin, propensities, changes, key_changes, *table)
+        return np.asarray(exploration.neighbours(begin, propensities, changes, key_changes, *table))
     n, n_channels = propensities.shape
     ends = np.empty((n, n_channels), np.int64)
     space = _space(table)

@@ -118,7 +118,8 @@ def events(
     if not is_built() or _has_program(stop):
         from kinetics.kernels.direct import advance as twin
 
-        return twin(model, changes, counts, clock, end, stream, times, fired, stop)
+        outcome, n = twin(model, changes, counts, clock, end, stream, times, fired, stop)
+        return outcome, n
     last, n_events = np.array([end], dtype=float), np.zeros(1, np.int64)
     outcome = call(
         "events", _model(model, changes), counts, clock, last, stream, times, fired, times.size, n_events, _table(stop)

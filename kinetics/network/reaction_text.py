@@ -220,7 +220,7 @@ class _TextReading:
         """The name that a word or a quoted text of a span stands for."""
         if token.kind == "word":
             if quoted(token.text) != token.text:
-                fault = f"{token.text!r} means something in formulas; quote it where it is a name"
+                fault = f"{token.text!r} is reserved in formulas; quote it if it is a name"
                 raise span.wrong(fault, token.column)
             return token.text
         if token.kind != "quoted":

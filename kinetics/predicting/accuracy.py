@@ -46,8 +46,8 @@ class AskedAccuracy:
             raise ValueError(f"accuracy = {shown}; expected a finite error above 0, as in 1% or 0.5 (copies)")
         if self.value < LEAST:
             raise ValueError(
-                f"accuracy = {shown}; expected at least {LEAST:g} ({100 * LEAST:g} %): numbers of sixteen digits "
-                f"cannot prove less"
+                f"accuracy = {shown}; expected at least {LEAST:g} ({100 * LEAST:g} %): double precision cannot "
+                f"prove less"
             )
         if is_share and self.value > 1:
             raise ValueError(f"accuracy = {shown}; expected at most 100 %" + self._hint)
@@ -95,7 +95,7 @@ class AskedAccuracy:
         """
         if not self.is_relative:
             return np.full(figures.shape[1], self.value)
-        return self.value / (1.0 + self.value) * np.maximum(figures.max(axis=0), 1.0)
+        return np.asarray(self.value / (1.0 + self.value) * np.maximum(figures.max(axis=0), 1.0))
 
 
 class CostForecast(NamedTuple):
@@ -168,9 +168,9 @@ class Reached:
     def notes(self) -> tuple[str, ...]:
         """Lines for people: the accuracy asked for and reached, the candidates, the cost of a tenth of the error."""
         asked = self.asked
-        verdict = "reached" if self.is_reached else "NOT reached, got to"
+        verdict = "reached" if self.is_reached else "NOT reached; achieved"
         best = self.tenfold
-        more = "nothing here reaches it" if best is None else f"about {best.seconds:.2g} s CPU, by {best.method}"
+        more = "no method here reaches it" if best is None else f"about {best.seconds:.2g} s CPU, by {best.method}"
         return (
             f"accuracy: {asked.in_words} {asked.meaning}; {verdict} {asked.words(self.error)}, {self.guarantee}",
             *([f"rare events: {self.rare}"] if self.rare else []),

@@ -26,7 +26,7 @@ from kinetics.support.arrays import Floats, Ints
 from kinetics.support.tables import counted
 
 MOST_NAMED = 3  # channels, in a note
-NOT_FORCED = "not looked for: rates depend on the time, or events set counts"
+NOT_FORCED = "not searched for: rates depend on the time, or events set counts"
 
 
 class ForcedFiring(NamedTuple):

@@ -21,8 +21,7 @@ from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.streamed import streamed
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Counts, Floats, some_times
-from kinetics.support.datasets import dataset
-from kinetics.support.extras import extra
+from kinetics.support.datasets import dataframe_over_times, dataset
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time, precision_of
 from kinetics.support.tables import with_spread
 
@@ -110,14 +109,10 @@ class Prediction(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species."""
-        pandas = extra("pandas")
-
-        names = self.network.species
         columns = {"mean": self.mean, "sd": self.sd, "standard_error": self.standard_error}
         if self.low is not None and self.high is not None:
             columns |= {"low": self.low, "high": self.high}
-        keys = {"time": np.repeat(self.times, len(names)), "species": list(names) * self.times.size}
-        return pandas.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
+        return dataframe_over_times(self.times, "species", self.network.species, columns)
 
     def to_xarray(self) -> xr.Dataset:
         """Mean, sd, standard error and interval as a dataset with dimensions time and species; needs xarray."""
@@ -226,7 +221,7 @@ def predict(
     low, high = (None, None) if drawn is None else drawn.limits(mean)
     if drawn is not None and drawn.is_hidden:
         notes.append(
-            f"an interval without width is narrower than {RUNS_PER_DRAW} runs under a draw of the rates can show"
+            f"an interval of zero width is narrower than {RUNS_PER_DRAW} runs for each draw of the rates can resolve"
         )
     if isinstance(result, EnsembleStatistics):
         off = int(result.quantile_error().max())
@@ -299,7 +294,7 @@ def _adapted(job: Job, accuracy: AskedAccuracy | str | float) -> _Found:
     result, reached, is_complete = adaptive_prediction(job, accuracy_of(accuracy))
     notes = reached.notes
     if not is_complete:
-        notes = (*notes, "ended before the accuracy was reached, by Ctrl-C or by the budget")
+        notes = (*notes, "stopped by Ctrl-C or by the budget before the accuracy was reached")
     return _Found(result, reached.chosen, is_complete, notes, reached=reached)
 
 
@@ -308,17 +303,18 @@ def _check_choice(accuracy: object, method: object, runs: object) -> None:
     for name, value in (("method", method), ("runs", runs)):
         if accuracy is not None and value is not None:
             raise ValueError(
-                f"{name} = {value!r} beside an accuracy, which chooses method and runs itself: give one or the other"
+                f"{name} = {value!r} together with an accuracy, which chooses method and runs itself: give one or "
+                f"the other"
             )
 
 
 def evidence_notes(rates: Rates | BookRates | None) -> tuple[str, ...]:
     """Remarks on the interval of a prediction from `rates`, for the reader."""
     if rates is None:
-        return ("no interval: the network's own rates are taken as known",)
+        return ("no interval: rate constants are taken as exact (no uncertainty given)",)
     bare = rates.without_evidence()
     if not rates.has_evidence:
         return ("no interval: these rates come without evidence (events and exposure)",)
     if bare:
-        return (f"the interval leaves out {', '.join(bare)}: taken as known, because without evidence",)
+        return (f"the interval excludes {', '.join(bare)}: taken as exact, because without evidence",)
     return ()

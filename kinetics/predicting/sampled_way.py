@@ -50,7 +50,7 @@ class EnoughRuns(AccuracyWay):
             return
         name = f"{self.name} ({method.name})"
         self.cost = self.cost._replace(method=name)
-        job.report("following a few runs")
+        job.report("making the first few runs")
         most = min(tuning.FOLLOWING * rivals, goal.budget) / FIRST_RUNS
         source = method.source(job.model.network, job.model.initial, job.seed, job.max_events)
         watch = source.watch(job.grid)

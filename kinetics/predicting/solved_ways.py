@@ -17,7 +17,7 @@ from kinetics.network import Network
 from kinetics.predicting import tuning
 from kinetics.predicting.accuracy import AskedAccuracy, CostForecast
 from kinetics.predicting.ways import AccuracyWay, Attained, Goal
-from kinetics.support.arrays import Floats, Ints
+from kinetics.support.arrays import Floats, Ints, divided
 from kinetics.support.cli.progress import progress_line
 
 
@@ -75,7 +75,7 @@ class AllStates(SolvedWay):
         if is_endless(job.model.network):
             self.cost = self.cost._replace(remark="infinitely many states")
             return
-        job.report(f"listing up to {most} states")
+        job.report(f"enumerating up to {most} states")
         try:
             space = reachable(job.model.network, job.model.initial, max_states=most)
         except ValueError as refusal:
@@ -169,9 +169,7 @@ def largest_counts(network: Network, start: Ints) -> Floats:
     tops = np.full(len(network.species), np.inf if may_grow else copies)
     for weights in network.conserved.values():
         if weights.min() >= 0.0:
-            shares = np.divide(
-                weights @ start.astype(float), weights, out=np.full(tops.size, np.inf), where=weights > 0.0
-            )
+            shares = divided(weights @ start.astype(float), weights, np.inf)
             tops = np.minimum(tops, np.floor(shares * (1.0 + 1e-12)))
     return tops
 
@@ -206,7 +204,7 @@ def error_reached(asked: AskedAccuracy, found: Distribution, tops: Floats) -> fl
         figures, errors = found.mean(), (found.error + rounding) * tops
     else:
         figures = found.sd()
-        # as in `Distribution.covariance_bounds`: all of the error on the state farthest out, and it moves the mean
+        # At worst all of the error is on the state farthest out, and it moves the mean.
         off = (found.error + found.error**2 + 2 * rounding) * tops**2
         errors = np.maximum(
             np.sqrt(figures**2 + off) - figures, figures - np.sqrt(np.maximum(figures**2 - off, 0.0))

@@ -45,14 +45,15 @@ class ClassRate(MeasuredRate):
             sizes = np.arange(1.0, len(self.exposures) - 1)
             shapes = [dict(zip(breaks.shape, point, strict=True)) for point in points.tolist()]
             weights = (breaks.break_model.by_size(sizes, shape) for shape in shapes)
-            return np.array([np.append(bodies, fixed) for bodies, *fixed in weights]) @ np.array(self.exposures)
+            by_size = np.array([np.append(bodies, fixed) for bodies, *fixed in weights])
+            return np.asarray(by_size @ np.array(self.exposures))
         if self.exposure_by_shape is None or breaks.posterior is None:
             return None
         known = dict(zip(breaks.posterior.points, self.exposure_by_shape, strict=True))
         if any(tuple(point) not in known for point in points.tolist()):
             raise ValueError(
-                f"{name}: its exposure is known at the points of the shape's posterior alone; calibrate by class for "
-                "exposures to bodies by their size"
+                f"{name}: its exposure is known only at the points of the shape's posterior; calibrate by class to "
+                f"get exposures to bodies by size"
             )
         return np.array([known[tuple(point)] for point in points.tolist()])
 

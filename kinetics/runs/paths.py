@@ -5,6 +5,7 @@ Simulated and mechanical runs give the same records, so that a reader need not k
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,8 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.network import Network, Tank
 from kinetics.runs.truncation import Truncation
 from kinetics.support.arrays import Floats, Ints, integers, read_only, real_number, reals, rising_times
-from kinetics.support.datasets import dataset
-from kinetics.support.extras import extra
+from kinetics.support.datasets import dataframe, dataset
 from kinetics.support.frozen import set_fields
 from kinetics.support.shown import (
     MOST_TIMES,
@@ -193,7 +193,7 @@ class JumpPath(Shown, Tabular):
         """Counts (T, S) at times (T,) between 0 and `end`; at an event's own time, those after it."""
         asked = reals("times", times, (None,), minimum=0)
         if asked.size and asked.max() > self.end:
-            raise ValueError(f"the run was observed until {self.end:g}; {asked.max():g} was asked for")
+            raise ValueError(f"the run was observed until {self.end:g}; {asked.max():g} was requested")
         rows = np.searchsorted(self.times, asked, side="right")
         if self._is_small:
             return self.states[rows]
@@ -215,13 +215,11 @@ class JumpPath(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per moment: time in tu, event ("start", a channel, "restart", "end"), counts after it."""
-        pandas = extra("pandas")
-
         names = (*self.network.channels, "restart")  # RESTART = -1 picks the last
         happened = ["start", *(names[channel] for channel in self.channels), "end"]
         counts = np.vstack([self.states, self.states[-1:]])
         table = {"time": np.concatenate([[0.0], self.times, [self.end]]), "event": happened}
-        return pandas.DataFrame(table | dict(zip(self.network.species, counts.T, strict=True)))
+        return dataframe(table | dict(zip(self.network.species, counts.T, strict=True)))
 
     @on_axes
     def plot(self, ax: Any) -> Any:
@@ -271,7 +269,7 @@ class Ensemble(Shown, Tabular):
     @property
     def runs(self) -> int:
         """Number of runs."""
-        return self.counts.shape[0]
+        return len(self.counts)
 
     @overload
     def __getitem__(self, what: str) -> Ints: ...
@@ -319,13 +317,13 @@ class Ensemble(Shown, Tabular):
 
     def mean(self) -> Floats:
         """Mean counts (T, S)."""
-        return self.counts.mean(axis=0)
+        return np.asarray(self.counts.mean(axis=0))
 
     def sd(self) -> Floats:
         """Standard deviation (T, S) among the runs, with runs - 1; nan for a single run."""
         if self.runs == 1:
             return np.full(self.counts.shape[1:], np.nan)
-        return self.counts.std(axis=0, ddof=1)
+        return np.asarray(self.counts.std(axis=0, ddof=1))
 
     def variance(self) -> Floats:
         """Variance (T, S) among the runs, with runs - 1; nan for a single run."""
@@ -333,7 +331,7 @@ class Ensemble(Shown, Tabular):
 
     def standard_error(self) -> Floats:
         """Standard error (T, S) of the mean; nan for a single run."""
-        return self.sd() / np.sqrt(self.runs)
+        return self.sd() / math.sqrt(self.runs)
 
     def covariance(self) -> Floats:
         """Covariances (T, S, S) of the species at each time, with runs - 1; nan for a single run."""
@@ -356,16 +354,14 @@ class Ensemble(Shown, Tabular):
         """Quantiles (T, S): the smallest counts with at least a share q of the runs at or below them."""
         if not 0 <= q <= 1:
             raise ValueError(f"q = {q}; expected a probability")
-        return np.quantile(self.counts.astype(float), q, axis=0, method="inverted_cdf")
+        return np.quantile(self.counts.astype(np.float64), q, axis=0, method="inverted_cdf")
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per run and time: run, time in tu, counts."""
-        pandas = extra("pandas")
-
         runs = np.repeat(np.arange(self.runs), self.times.size)
         table = {"run": runs, "time": np.tile(self.times, self.runs)}
         columns = self.counts.reshape(-1, len(self.network.species)).T
-        return pandas.DataFrame(table | dict(zip(self.network.species, columns, strict=True)))
+        return dataframe(table | dict(zip(self.network.species, columns, strict=True)))
 
     def to_xarray(self) -> xr.Dataset:
         """The counts, with dimensions run, time and species."""

@@ -6,6 +6,7 @@ statistics of a set of runs do not depend on the blocks in which they came, on t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -17,9 +18,8 @@ from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.runs.marginal import Marginal
 from kinetics.runs.truncation import Truncation
-from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
-from kinetics.support.datasets import dataset
-from kinetics.support.extras import extra
+from kinetics.support.arrays import Floats, Ints, read_only, rising_times
+from kinetics.support.datasets import dataframe_over_times, dataset
 from kinetics.support.intervals import binomial_limits
 from kinetics.support.memory import check_memory
 from kinetics.support.shown import ResultTable, Shown, Tabular, means_over_time, on_axes, precision_of
@@ -98,7 +98,7 @@ class EnsembleStatistics(Shown, Tabular):
 
     def mean(self) -> Floats:
         """Mean counts (T, S), rounded once."""
-        return (self.sums / self.runs).astype(float)
+        return np.asarray(self.sums / self.runs, dtype=np.float64)
 
     def variance(self) -> Floats:
         """Variance (T, S) among the runs, with runs - 1, rounded once; nan for a single run."""
@@ -110,7 +110,7 @@ class EnsembleStatistics(Shown, Tabular):
 
     def standard_error(self) -> Floats:
         """Standard error (T, S) of the mean; nan for a single run."""
-        return self.sd() / np.sqrt(self.runs)
+        return self.sd() / math.sqrt(self.runs)
 
     def covariance(self) -> Floats:
         """Covariances (T, S, S) of the species at each time, with runs - 1, rounded once; nan for a single run."""
@@ -118,8 +118,8 @@ class EnsembleStatistics(Shown, Tabular):
         first, second = self.pairs
         if first.size < n_species * (n_species + 1) // 2:
             raise ValueError(
-                f"the network has {n_species} species; covariances are kept by themselves for up to {MOST_COVARIED}: "
-                "ask for them when the runs are made, by covariances=True"
+                f"the network has {n_species} species; covariances are kept by default for up to {MOST_COVARIED}: "
+                f"request them when the runs are made, by covariances=True"
             )
         table = np.empty((self.times.size, n_species, n_species))
         table[:, first, second] = table[:, second, first] = self._covariances(np.arange(first.size))
@@ -139,7 +139,7 @@ class EnsembleStatistics(Shown, Tabular):
         n_used = int(((self.high >> self.shift) - self.origin).max()) + 1
         bins = self.origin + (self.histogram[:, :, :n_used].cumsum(axis=2) < rank).sum(axis=2)
         middle = (bins << self.shift) + ((1 << self.shift) - 1) // 2
-        return np.clip(middle, self.low, self.high).astype(float)
+        return np.asarray(np.clip(middle, self.low, self.high), dtype=np.float64)
 
     def quantile_error(self) -> Ints:
         """Largest error of a quantile, counts (T, S): 0 if bins are one count wide, else half their width."""
@@ -151,7 +151,7 @@ class EnsembleStatistics(Shown, Tabular):
         if self.shift[:, s].any():
             raise ValueError(
                 f"counts of {species!r} spread from {self.low[:, s].min()} to {self.high[:, s].max()}; they were "
-                f"gathered in bins of up to {2 ** int(self.shift[:, s].max())}: ask for `marginal_at` a time"
+                f"collected in bins of up to {2 ** int(self.shift[:, s].max())}: ask for `marginal_at` a time"
             )
         table = np.zeros((self.times.size, int(self.high[:, s].max()) + 1))
         for row, first, tally in zip(table, self.origin[:, s], self.histogram[:, s], strict=True):
@@ -180,7 +180,7 @@ class EnsembleStatistics(Shown, Tabular):
         if not np.array_equal(self.times, other.times):
             raise ValueError("these are statistics at different times; merge those of one grid")
         if self.pairs.shape != other.pairs.shape:
-            raise ValueError("covariances were asked for in only one of these; ask for them in both or in neither")
+            raise ValueError("only one of these has covariances; request them in both or in neither")
         tally = Tally(self.network, self.times, self.pairs)
         tally.add_statistics(self)
         tally.add_statistics(other)
@@ -189,14 +189,10 @@ class EnsembleStatistics(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species."""
-        pandas = extra("pandas")
-
-        names = self.network.species
         figures = {"mean": self.mean(), "sd": self.sd(), "smallest": self.low, "largest": self.high}
         figures |= {f"q{q:g}": self.quantile(q) for q in QUANTILES}
         figures["quantile_error"] = self.quantile_error()
-        keys = {"time": np.repeat(self.times, len(names)), "species": list(names) * self.times.size}
-        return pandas.DataFrame(keys | {name: values.ravel() for name, values in figures.items()})
+        return dataframe_over_times(self.times, "species", self.network.species, figures)
 
     def to_xarray(self) -> xr.Dataset:
         """The statistics, with dimensions time and species, and of the quantiles q."""
@@ -333,8 +329,9 @@ class Tally:
         if not self.runs:
             raise ValueError("no runs were added, so there are no statistics; add some first")
         arrays = self.low, self.high, self.shift, self.origin, self.histogram, self.sums, self.products, self.pairs
-        made = EnsembleStatistics(self.network, self.times, self.runs, asked, *map(read_only, arrays))
-        return replace(made, method=method)
+        for array in arrays:
+            read_only(array)
+        return EnsembleStatistics(self.network, self.times, self.runs, asked, *arrays, method)
 
 
 def bins_for(n_times: int, n_species: int) -> int:
@@ -348,7 +345,8 @@ def bins_for(n_times: int, n_species: int) -> int:
 def covariances_of(runs: int, sums: Exact, products: Exact, pairs: NDArray[np.intp]) -> Floats:
     """Covariances (T, K) of pairs (2, K) of species among the runs, with runs - 1, rounded once."""
     first, second = pairs
-    return ((runs * products - sums[:, first] * sums[:, second]) / (runs * (runs - 1))).astype(float)
+    whole = runs * products - sums[:, first] * sums[:, second]
+    return np.asarray(whole / (runs * (runs - 1)), dtype=np.float64)
 
 
 def kept_pairs(n_species: int, covariances: bool | None = None) -> NDArray[np.intp]:
@@ -356,11 +354,3 @@ def kept_pairs(n_species: int, covariances: bool | None = None) -> NDArray[np.in
     if n_species <= MOST_COVARIED if covariances is None else covariances:
         return np.array(np.triu_indices(n_species))
     return np.tile(np.arange(n_species), (2, 1))
-
-
-def statistics_of(network: Network, times: ArrayLike, counts: ArrayLike) -> EnsembleStatistics:
-    """Statistics of counts (runs, T, S) at `times` (T,), tu, from anywhere: the mechanics, say."""
-    tally = Tally(network, times, kept_pairs(len(network.species)))
-    given = integers("counts", counts, (None, tally.times.size, len(network.species)), minimum=0)
-    tally.add(given)
-    return tally.statistics(len(given))

@@ -58,7 +58,7 @@ class Auto(SamplingMethod):
         refusals = [method.refusal(network, size) for method in methods]
         candidates = [method for method, refusal in zip(methods, refusals, strict=True) if not refusal]
         if not candidates:
-            raise ValueError(f"no exact method takes this network: {'; '.join(refusals)}")
+            raise ValueError(f"no exact method supports this network: {'; '.join(refusals)}")
         return min(candidates, key=lambda method: method.cost(size))
 
     def name_for(self, network: Network, initial: Counts) -> str:

@@ -18,33 +18,30 @@ if TYPE_CHECKING:
 
 def updating_sampler(network: Network) -> BufferedSampler:
     """The network with its dependency graph, ready for `kernels.grouped`."""
-    from kinetics.kernels import grouped
+    from kinetics.kernels import blocks, grouped
 
     model = model_of(network)
     n_channels = len(network.channels)
-    n_blocks = -(-n_channels // grouped.BLOCK)
+    n_blocks = -(-n_channels // blocks.BLOCK)
 
     def begin(counts: Ints) -> grouped.GroupedWork:
         work = grouped.GroupedWork(np.empty(n_channels), np.empty(n_blocks), np.empty(n_blocks))
         grouped.start(model, work, counts)
         return work
 
-    def advance(work: grouped.GroupedWork, *rest: object) -> int:
-        return grouped.advance(model, work, *rest)
-
-    return BufferedSampler(begin, advance, np.arange(n_channels))
+    return BufferedSampler(begin, lambda work, *rest: grouped.advance(model, work, *rest), np.arange(n_channels))
 
 
 def model_of(network: Network) -> grouped.GroupedModel:
     """The tables of a network that `kernels.grouped` reads."""
-    from kinetics.kernels import grouped
+    from kinetics.kernels import blocks, grouped
 
     laws = mass_action(network)
     needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels, n_species = needed.shape
-    n_blocks = -(-n_channels // grouped.BLOCK)
+    n_blocks = -(-n_channels // blocks.BLOCK)
     readers = SparseTable.of_entries((n_species, n_channels), needed.columns, needed.rows, needed.copies)
-    touched = SparseTable.of_entries((n_species, n_blocks), needed.columns, needed.rows // grouped.BLOCK, needed.copies)
+    touched = SparseTable.of_entries((n_species, n_blocks), needed.columns, needed.rows // blocks.BLOCK, needed.copies)
     pairs = [laws.first, laws.second, laws.less, laws.is_general, change.starts[:-1], change.starts[1:]]
     bounds = [readers.starts[:-1], readers.starts[1:], touched.starts[:-1], touched.starts[1:]]
     return grouped.GroupedModel(

@@ -39,8 +39,8 @@ class GeneralSampler(BufferedSampler):
         """Times and channels of all events until `end`."""
         if self.events:
             raise ValueError(
-                f"a path records firings of channels, and nothing that sets counts; event {self.events[0].name!r} "
-                f"does: ask for counts at times with simulate(...)"
+                f"a path records firings of channels only, but event {self.events[0].name!r} sets counts: ask for "
+                f"counts at times with simulate(...)"
             )
         return super().path(initial, end, key, run, watch)
 
@@ -71,7 +71,7 @@ class GeneralSampler(BufferedSampler):
     def _advance(self, work: general.GeneralWork, counts: Ints, seen: Ints, clock: Floats, *rest: Any) -> int:
         from kinetics.kernels import general
 
-        outcome = general.advance(self.model, work, counts, seen, clock, *rest)
+        outcome: int = general.advance(self.model, work, counts, seen, clock, *rest)
         if outcome <= outcomes.OVERFLOW or outcome == outcomes.STOPPED:
             return outcome
         about, state, t = int(work.notes[1]), counts[:-1], float(clock[0])
@@ -81,7 +81,7 @@ class GeneralSampler(BufferedSampler):
             name = self.network.species[self.model.assigned[about]]
             raise ValueError(
                 f"event {event.name!r} sets {name!r} to {event.new_counts[name]} = {work.held[about]:g} {where}; "
-                f"expected a whole number from 0 to 2**53: write floor(...) or max(0, ...) where that is meant"
+                f"expected a whole number from 0 to 2**53: write floor(...) or max(0, ...) if that is meant"
             )
         if outcome in (outcomes.BAD_DELAY, outcomes.CROWDED):
             event = self.events[about]
@@ -94,9 +94,9 @@ class GeneralSampler(BufferedSampler):
         if outcome in (outcomes.UNDECIDED, outcomes.ENDLESS):
             event = self.events[about]
             why = (
-                "cannot be determined: it touches its limit, or turns too often"
+                "cannot be determined: it touches its threshold, or oscillates too fast"
                 if outcome == outcomes.UNDECIDED
-                else "has no end: events of this moment set each other off"
+                else "has no end: simultaneous events trigger each other"
             )
             raise ValueError(f"event {event.name!r}: when {event.condition} turns true {why}, {where}")
         if outcome == outcomes.BROKEN_BOUND:

@@ -45,7 +45,7 @@ class PartialPropensities(SamplingMethod):
 
     def prepared(self, network: Network) -> BufferedSampler:
         """The network made ready for `kernels.partial`."""
-        from kinetics.kernels import partial
+        from kinetics.kernels import blocks, partial
 
         model, order = model_of(network)
         n_species, width = model.couplings.shape
@@ -54,27 +54,23 @@ class PartialPropensities(SamplingMethod):
             copies = np.zeros(2 * width)
             copies[: n_species + 1] = counts[model.species]
             copies[width:] = np.where(copies[:width] >= 2, copies[:width] - model.less, 0.0)
-            blocks = width // partial.BLOCK
             work = partial.PartialWork(
                 copies,
                 np.empty(width),
                 np.empty(width),
-                np.empty(blocks),
-                np.empty(blocks // partial.BLOCK),
+                np.empty(width // blocks.BLOCK),
+                np.empty(width // blocks.BLOCK**2),
                 np.zeros(1, dtype=np.int64),
             )
             partial.refresh(model, work)
             return work
 
-        def advance(work: partial.PartialWork, *rest: object) -> int:
-            return partial.advance(model, work, *rest)
-
-        return BufferedSampler(begin, advance, order)
+        return BufferedSampler(begin, lambda work, *rest: partial.advance(model, work, *rest), order)
 
 
 def model_of(network: Network) -> tuple[partial.PartialModel, Ints]:
     """The tables that `kernels.partial` reads, and the network's channels (R,) in the order of the kernel."""
-    from kinetics.kernels import partial
+    from kinetics.kernels import blocks, partial
 
     needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels, n_species = needed.shape
@@ -90,7 +86,7 @@ def model_of(network: Network) -> tuple[partial.PartialModel, Ints]:
     owner = np.minimum(number[first[:, 0]], number[second[:, 0]])
     partner = np.maximum(number[first[:, 0]], number[second[:, 0]])
 
-    width = -(-(n_species + 1) // partial.BLOCK**2) * partial.BLOCK**2
+    width = -(-(n_species + 1) // blocks.BLOCK**2) * blocks.BLOCK**2
     couplings = np.zeros((n_species, width))
     np.add.at(couplings, (partner[is_pair], owner[is_pair]), coefficients[is_pair])
     is_coupled = couplings != 0

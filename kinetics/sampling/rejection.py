@@ -88,10 +88,7 @@ class CompositionRejection(SamplingMethod):
             rejection.start(model, work, counts)
             return work
 
-        def advance(work: rejection.RejectionWork, *rest: object) -> int:
-            return rejection.advance(model, work, *rest)
-
-        return BufferedSampler(begin, advance, order)
+        return BufferedSampler(begin, lambda work, *rest: rejection.advance(model, work, *rest), order)
 
 
 def model_of(network: Network) -> tuple[rejection.RejectionModel, Ints]:

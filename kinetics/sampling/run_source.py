@@ -107,7 +107,7 @@ class RunSource:
         n_species = self.start.size
         if self.weights is None:
             what = f"all counts of {runs} runs of {n_species} species at {grid.size} times"
-            advice = "ask for `simulate_statistics`, which does not grow with the runs, or for fewer"
+            advice = "use `simulate_statistics`, whose memory does not grow with the runs, or ask for fewer"
             check_memory(what, 8.0 * runs * grid.size * n_species, advice)
             return self._made(grid, runs, first_run, threads, watch)
         block = max(1, WEIGHED_BYTES // (8 * grid.size * n_species))

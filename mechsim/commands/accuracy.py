@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     metavar="MINUTES",
     type=POSITIVE,
     default=20.0,
-    help="CPU time allowed, minutes; the same command again goes on from there.",
+    help="CPU time allowed, minutes; the same command continues from there.",
 )
 @click.option(
     "--presets",
@@ -60,10 +60,10 @@ def mechanics(
 ) -> None:
     """Measure the error of SCENE's mean speed, encounter rate and bond loads against CPU time, setting by setting.
 
-    The result is a work-precision diagram. No bonds form or break. Encounters of single cubes' faces are counted, and
-    where bonds can break also the hits on structures above half the threshold, which stand for the rarer breaks. Errors
+    The result is a work-precision diagram. No bonds form or break. Encounters of single cubes' faces are counted, and,
+    if bonds can break, also the hits on structures above half the threshold, which stand for the rarer breaks. Errors
     are relative to the scene at a quarter of its step and four times its solver iterations. The same command again
-    reuses the runs that it finds and goes on where the budget ended. Exit code 4: some trials were given up.
+    reuses stored runs and continues where the budget ended. Exit code 4: some trials were given up.
     """
     from mechsim.accuracy.measuring import measure
     from mechsim.accuracy.preset import choose

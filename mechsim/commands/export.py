@@ -20,7 +20,7 @@ from kinetics.support.extras import require
     help="File format of the tables; may be repeated.  [default: both]",
 )
 @click.option(
-    "--rules", metavar="NAME", help="Only runs of this rule book; needed where the folder holds runs of several."
+    "--rules", metavar="NAME", help="Only runs of this rule book; needed if the folder holds runs of several."
 )
 @json_option
 def export(folder: str, out: str, formats: tuple[str, ...], rules: str | None, as_json: bool) -> None:

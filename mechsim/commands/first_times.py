@@ -70,7 +70,9 @@ def first_times(
     from mechsim.studies.summary import summarise
 
     if cost_only and collect:
-        raise ValueError("give either --cost-only or --collect: the one predicts, the other reads what there is")
+        raise ValueError(
+            "give either --cost-only or --collect: the first predicts the cost, the second summarises stored runs"
+        )
     described = Study.load(study)
     points = described.chosen(choices)
     number = runs or described.runs

@@ -58,7 +58,7 @@ def executor_options(command: Callable[..., None]) -> Callable[..., None]:
         given = {kind: values.pop(_name(kind)) for kind in EXECUTORS}
         asked = [kind for kind, value in given.items() if value is not None]
         if len(asked) > 1:
-            raise ValueError(f"{asked[0].option} and {asked[1].option} both say who makes the runs; give one of them")
+            raise ValueError(f"{asked[0].option} and {asked[1].option} both say what makes the runs; give one of them")
         kind = asked[0] if asked else EXECUTORS[0]
         executor = kind.from_option(given[kind], timeout)
         executor.check()

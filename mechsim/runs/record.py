@@ -118,7 +118,9 @@ class RunSpec:
             if self.composition.get(self.until, 0):
                 raise ValueError(f"until = {self.until!r}, but the composition already holds one: leave it out")
             if self.restart:
-                raise ValueError(f"until = {self.until!r} with restart: a tank put back at every event; choose one")
+                raise ValueError(
+                    f"until = {self.until!r} with restart: a restart resets the tank at every event; choose one"
+                )
         edge, size = self.scene.cubes.edge, self.scene.tank.size
         volume, room = self.n_cubes * edge**3, float(np.prod(size))
         if volume > room:

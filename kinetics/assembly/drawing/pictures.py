@@ -33,7 +33,7 @@ CAPTION = 0.36  # font size under a picture
 GAP = 0.55  # between pictures
 SPOTS = (-0.28, 0.0, 0.28)  # along both sides of a face: where a letter must not be hidden
 N_SPOTS = len(SPOTS) ** 2
-NOT_ALL = "not all there are: the exploration met its caps or was stopped"
+NOT_ALL = "incomplete: the exploration reached its limits or was interrupted"
 TURNED = turned.tolist()
 C = TypeVar("C", bound=DrawableCubes)
 
@@ -329,7 +329,7 @@ def _is_hidden(points: Floats, places: Floats, towards: Floats) -> NDArray[np.bo
         np.maximum(enters, middle - 0.5 / abs(along), out=enters)
         np.minimum(leaves, middle + 0.5 / abs(along), out=leaves)
     covers: NDArray[np.bool_] = (leaves > enters + 1e-9) & (leaves > 1e-9)
-    return np.any(covers, axis=1)
+    return np.asarray(covers.any(axis=1))
 
 
 @lru_cache(maxsize=256)

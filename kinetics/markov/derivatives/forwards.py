@@ -35,7 +35,7 @@ class Forwards:
         most, n = weights.size, start.size
         self.length = ceil(sqrt(most))
         rows = min(KEPT_BYTES / (8.0 * n), most) + 3.0 * self.length
-        check_memory(f"the steps of {n} states", 8.0 * n * rows, "ask for an earlier time, or start from fewer copies")
+        check_memory(f"the steps of {n} states", 8.0 * n * rows, "ask for an earlier time or start from smaller counts")
         # of n steps each changes the mean of f by less than 1, with a weight that stands for those after it
         after = 1.01 * sums_after(np.arange(1.0, most + 1.0) * weights)
         known, held, now = np.zeros(len(functions)), 0.0, start

@@ -177,8 +177,8 @@ def committor_of(
         error = 1.001 * max(error, wrong, stays.relative) + 2.0 * ROUNDOFF
         if error == np.inf:
             raise ValueError(
-                f"the targets are too remote: with {size} states on the way, too many to eliminate, the chances cannot "
-                f"be solved for; start nearer to the targets, or from fewer copies"
+                f"the targets are too remote: with {size} transient states, too many to eliminate, the "
+                f"probabilities cannot be solved; start nearer to the targets or from smaller counts"
             )
     return Committor(
         stopped,

@@ -16,7 +16,7 @@ from kinetics.markov.passage.until import UNDERFLOW
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Floats, reals
-from kinetics.support.extras import extra
+from kinetics.support.datasets import dataframe
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 from kinetics.support.tables import counted, figure, in_unit
 
@@ -83,7 +83,7 @@ class Passage(Shown, Tabular):
             rows.append((title, value, answer.bounds_text))
         notes = [f"solved, not sampled; bounds: {kind_of(self.is_bound)}"]
         if self.earliest is not None:
-            notes.append("truncated: the bounds hold for any behaviour outside, and the values count nothing of it")
+            notes.append("truncated: the bounds hold for any behaviour outside; the values exclude it")
         return ResultTable(self.headline, ("", "value", "bounds"), rows, notes)
 
     def answer(self, what: str | float) -> Answer:
@@ -96,7 +96,7 @@ class Passage(Shown, Tabular):
         elif what == "sd" and self.earliest is None:
             found = Answer.within(self.sd, self.sd_error, True)
         elif what == "sd":
-            return Answer.none("a truncated chain bounds no standard deviation")
+            return Answer.none("a truncated chain gives no bound on the standard deviation")
         else:
             low, high = self.quantile_bounds(what)
             found = Answer(float(self.quantile(what)), float(low), float(high))
@@ -224,11 +224,9 @@ class Passage(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """The distribution function up to 99 % of those that arrive: time, probability, and its bounds low and high."""
-        pandas = extra("pandas")
-
         times = self._drawn_at
         low, high = self.cdf_bounds(times)
-        return pandas.DataFrame({"time": times, "probability": self.cdf(times), "low": low, "high": high})
+        return dataframe({"time": times, "probability": self.cdf(times), "low": low, "high": high})
 
     @on_axes
     def plot(self, ax: Any) -> Any:

@@ -128,8 +128,8 @@ def _checked(solution: BoundedSolution, first: Floats) -> BoundedSolution:
         )
     if not solution.mean(first)[1] < 1e-3:
         raise ValueError(
-            f"the target is too remote: with {first.size} states on the way, too many to eliminate, it cannot be "
-            f"solved for to three digits; start nearer to the target, or from fewer copies"
+            f"the target is too remote: with {first.size} transient states, too many to eliminate, it cannot be "
+            f"solved to three digits; start nearer to the target or from smaller counts"
         )
     return solution
 

@@ -192,8 +192,8 @@ def _pilot(
             goal = float(first.tops[first.tops > reached].min(initial=np.inf))
         if goal == np.inf or len(goals) == MAX_STAGES:
             raise ValueError(
-                f"no way to the event: the pilot came to level {np.concatenate(seen).max():g} and no further; "
-                f"give more runs, a later time, or a level that rises step by step on the way to the event"
+                f"the event was not reached: the pilot runs got to level {np.concatenate(seen).max():g}; give more "
+                f"runs, a later time, or a level that rises step by step towards the event"
             )
         entered = runner.run(states, clocks, value, goal)
         hits = np.flatnonzero(entered.tops >= goal)

@@ -18,7 +18,7 @@ from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import totals
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Counts, Floats, read_only
-from kinetics.support.extras import extra
+from kinetics.support.datasets import dataframe
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 
 if TYPE_CHECKING:
@@ -111,14 +111,12 @@ class Stationary(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per species and number of copies: its probability."""
-        pandas = extra("pandas")
-
         shares = {name: self.marginal(name) for name in self._space.network.species}
         keys = {
             "species": np.repeat(list(shares), [share.size for share in shares.values()]),
             "copies": np.concatenate([np.arange(share.size) for share in shares.values()]),
         }
-        return pandas.DataFrame(keys | {"probability": np.concatenate(list(shares.values()))})
+        return dataframe(keys | {"probability": np.concatenate(list(shares.values()))})
 
     @on_axes
     def plot(self, ax: Any, species: str | None = None) -> Any:
@@ -163,7 +161,8 @@ def stationary_of(transitions: Transitions, start: Floats) -> Stationary:
             rest_error = max(rest_error, own_error)
     except TooLargeError as refusal:
         raise ValueError(
-            f"the stationary distribution is out of reach: {refusal}; start from fewer copies, or solve for a late time"
+            f"the stationary distribution is out of reach: {refusal}; start from smaller counts or solve for a late "
+            f"time"
         ) from None
     error = weights_error + rest_error + 2.0 * ROUNDOFF * (weights_error + rest_error > 0)
     return Stationary(probabilities, tuple(classes), weights[is_reached], error, transitions.is_certified)
@@ -270,7 +269,7 @@ def _guessed(chain: Transitions) -> Floats:
     table.sum_duplicates()
     logs = np.empty(chain.size)
     balance.balanced(table.indptr, table.indices, table.data, chain.exits, logs)
-    return np.exp(np.maximum(logs - logs.max(), LOWEST))
+    return np.exp(np.maximum(logs - float(logs.max()), LOWEST))
 
 
 def _by_factors(chain: Transitions) -> tuple[Floats, float]:

@@ -73,7 +73,7 @@ class Collocation(ListingMethod):
     ) -> ProbabilityTable:
         """Probabilities of all states."""
         n, listed = transitions.size, transitions.rates.size
-        advice = "ask for fewer times, or start from fewer copies"
+        advice = "ask for fewer times, or start from smaller counts"
         check_memory(f"{n} states at {grid.size} times", 8.0 * (n * grid.size + 8.0 * listed), advice)
         plan = CollocationPlan.of(transitions.generator(), float(grid[-1]), self.tolerance, self.max_seconds)
         seconds = plan.seconds + ENTRY * listed
@@ -81,9 +81,9 @@ class Collocation(ListingMethod):
             raise ValueError(
                 f"{n} states would take about {plan.steps:.0f} steps until {grid[-1]:g}, up to {seconds:.3g} s; "
                 f"{limit_in_words(self.max_seconds)}; raise it, ask for earlier times, "
-                f"start from fewer copies, or sample with the direct method"
+                f"start from smaller counts, or sample with the direct method"
             )
-        check_memory(f"the factors of {n} states", plan.n_bytes, "start from fewer copies")
+        check_memory(f"the factors of {n} states", plan.n_bytes, "start from smaller counts")
         forecast(seconds, f"some {plan.steps:.0f} steps of collocation over {n} states")
         entries = best_entries(transitions, space)
         found, error = integrate(entries, start, grid, plan, self.tolerance, self.max_seconds)
@@ -127,8 +127,8 @@ class CollocationPlan(NamedTuple):
         if not (events <= MOST_EVENTS and last < LARGEST):
             raise ValueError(
                 f"the chain is too stiff for collocation: its fastest rate times {last:g} is {events:.3g}, at most "
-                f"{MOST_EVENTS:.0e}, until {LARGEST:.0e}; ask for earlier times, or use the method 'dense' if it "
-                f"has few states"
+                f"{MOST_EVENTS:.0e}, until {LARGEST:.0e}; ask for earlier times, or use the method 'dense' if there "
+                f"are few states"
             )
         pattern: Any = abs(generator) + abs(generator.T)
         order = np.asarray(reverse_cuthill_mckee(pattern.tocsr(), symmetric_mode=True), dtype=np.int64)
@@ -138,7 +138,7 @@ class CollocationPlan(NamedTuple):
         np.minimum.at(first, place[entries.row], place[entries.col])
         widths = (np.arange(n) - first).astype(float)
         # At worst, for one factorisation; then what it is, which may be far less.
-        advice = "start from fewer copies, or sample with the direct method"
+        advice = "start from smaller counts, or sample with the direct method"
         check_memory(f"the factors of {n} states", 20.0 * (n + 2.0 * float(widths.sum())), advice)
         at_worst = MULTIPLY * float(widths @ widths)
         if at_worst > max_seconds:
@@ -179,7 +179,7 @@ def integrate(
         if steps.seconds > max_seconds:
             raise ValueError(
                 f"at {float(steps.begin):.3g} of {times[-1]:g} the steps of collocation, {float(steps.length):.3g} "
-                f"tu, are far shorter than forecast, as in a chain that turns in circles; max_seconds = "
+                f"tu, are far shorter than forecast, as in a chain that oscillates; max_seconds = "
                 f"{max_seconds:g}; raise it, ask for earlier times, or sample with the direct method"
             )
         begin, length, polynomial = steps.go_on()
@@ -253,7 +253,7 @@ class Steps:
 
 def _opening(bound: float, degree: int) -> float:
     """(r + 1 / r) / 2 where bound = r**-degree: how far beyond [-1, 1] a function is smooth, by Bernstein's ellipse."""
-    radius = min(max(bound, 1e-300), 1.0) ** (-1.0 / degree)
+    radius: float = min(max(bound, 1e-300), 1.0) ** (-1.0 / degree)
     return (radius + 1.0 / radius) / 2.0
 
 

@@ -67,7 +67,8 @@ class Dense(ListingMethod):
         n = transitions.size
         if n > self.max_states:
             raise ValueError(
-                f"{n} states are too many for the dense method, at most {self.max_states}; take the method 'transient'"
+                f"{n} states are too many for the dense method, which takes at most {self.max_states}; use the "
+                f"method 'transient'"
             )
         check_memory(f"{n} states", 8.0 * n * (6 * n + grid.size), "ask for fewer times")
         rates = transitions.generator().toarray()

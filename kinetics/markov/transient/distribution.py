@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +10,7 @@ import numpy as np
 from kinetics.markov.transient.states import StateSpace
 from kinetics.network import Network
 from kinetics.support.arrays import Counts, Floats, read_only
-from kinetics.support.datasets import dataset
-from kinetics.support.extras import extra
+from kinetics.support.datasets import dataframe_over_times, dataset
 from kinetics.support.shown import ResultTable, Shown, Tabular, means_over_time, on_axes
 
 if TYPE_CHECKING:
@@ -89,26 +87,13 @@ class Distribution(Shown, Tabular):
         """Standard deviations (T, S) of the counts."""
         columns = zip(self.space.states.T, self.mean().T, strict=True)
         # About the mean: the difference of two large squares would lose the small variances.
-        variances = [((x - mean[:, None]) ** 2 * self.probabilities).sum(axis=1) for x, mean in columns]
+        variances: list[Floats] = [((x - mean[:, None]) ** 2 * self.probabilities).sum(axis=1) for x, mean in columns]
         return np.sqrt(np.stack(variances, axis=1))
 
     def covariance(self) -> Floats:
         """Covariances (T, S, S) of the counts, about the mean as in `sd`."""
-        return np.stack([(away.T * p) @ away for away, p in self._about_the_mean()])
-
-    def covariance_bounds(self) -> tuple[Floats, Floats]:
-        """Lower and upper bounds of the covariances (T, S, S); no finite bounds where the space is not complete."""
-        value = self.covariance()
-        spans = np.stack([np.abs(away).max(axis=0) for away, _ in self._about_the_mean()])
-        # At worst all of the error is on the state farthest out, and it moves the mean.
-        slack = (self.error + self.error**2 + 2 * SLACK * len(self.space)) * spans[:, :, None] * spans[:, None, :]
-        slack = slack if self.is_complete else np.full_like(value, np.inf)
-        return value - slack, value + slack
-
-    def _about_the_mean(self) -> Iterator[tuple[Floats, Floats]]:
-        """At each time, counts (N, S) less their means, and probabilities (N,)."""
-        for mean, p in zip(self.mean(), self.probabilities, strict=True):
-            yield self.space.states - mean, p
+        away = (self.space.states - mean for mean in self.mean())
+        return np.stack([(x.T * p) @ x for x, p in zip(away, self.probabilities, strict=True)])
 
     def marginal(self, species: str) -> Floats:
         """Probabilities (T, M + 1) of 0, 1, ..., M copies of one species."""
@@ -128,7 +113,7 @@ class Distribution(Shown, Tabular):
         >>> found.probability({"A": 1}).round(6).tolist(), found.probability([1, 0]).round(6).tolist()
         ([0.5], [0.0])
         """
-        return self.probabilities[:, self.space.rows_with(state)].sum(axis=1)
+        return np.asarray(self.probabilities[:, self.space.rows_with(state)].sum(axis=1))
 
     def probability_bounds(self, state: Counts) -> tuple[Floats, Floats]:
         """Lower and upper bounds of the probability (T,) of these counts, as `probability` reads them."""
@@ -145,21 +130,12 @@ class Distribution(Shown, Tabular):
         for species in self.network.species:
             below = np.cumsum(self.marginal(species), axis=1)
             columns.append((below < q - self.error - SLACK).sum(axis=1))
-        return np.minimum(np.stack(columns, axis=1), self.space.states.max(axis=0)).astype(float)
+        return np.asarray(np.minimum(np.stack(columns, axis=1), self.space.states.max(axis=0)), dtype=np.float64)
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species: mean and standard deviation of the counts."""
-        pandas = extra("pandas")
-
-        names = self.network.species
-        return pandas.DataFrame(
-            {
-                "time": np.repeat(self.times, len(names)),
-                "species": list(names) * self.times.size,
-                "mean": self.mean().ravel(),
-                "sd": self.sd().ravel(),
-            }
-        )
+        figures = {"mean": self.mean(), "sd": self.sd()}
+        return dataframe_over_times(self.times, "species", self.network.species, figures)
 
     def to_xarray(self) -> xr.Dataset:
         """Mean, its bounds, and sd, with dimensions time and species; the probability of each number of copies."""

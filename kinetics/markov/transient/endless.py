@@ -31,7 +31,7 @@ def endless_growth(network: Network, reached: Ints) -> str:
         species, copies = needed.row(r)
         if (reached[:, species] >= copies).all(axis=1).any():
             risen = network.species[changes.row(r)[0][0]]
-            return f"channel {network.channels[r]!r} raises {risen} again and again, and uses nothing up"
+            return f"channel {network.channels[r]!r} raises {risen} without bound, and uses nothing up"
     rng = np.random.default_rng(0)
     steps = max(10, min(STEPS, int((2 * MOST_COMPARED / (WALKS * reached.shape[1])) ** 0.5)))
     walks = (_walked(network, reached[rng.integers(len(reached))], works, steps, rng) for _ in range(WALKS))
@@ -56,6 +56,6 @@ def _walked(network: Network, start: Ints, works: NDArray[np.bool_], steps: int,
         if less.any():
             risen = np.flatnonzero(before[np.argmax(less)] < state)
             names = ", ".join(network.species[s] for s in risen[:3])
-            return f"some channels together raise {names} again and again, and use nothing up"
+            return f"some channels together raise {names} without bound, and use nothing up"
         past[k + 1] = state
     return ""

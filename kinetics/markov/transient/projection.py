@@ -21,7 +21,7 @@ from kinetics.support.arrays import Floats, Ints
 from kinetics.support.cli.progress import limit_in_words, stage
 from kinetics.support.memory import check_memory
 
-ADVICE = "Ask for earlier times, a larger tolerance or fewer copies, sample instead, or raise max_states"
+ADVICE = "Ask for earlier times, a larger tolerance or smaller counts, sample instead, or raise max_states"
 FIRST_STEPS = 32.0  # uniformised steps of the first window; each window that goes well makes the next one longer
 MOST_STEPS = 20_000.0
 MOST_LAYERS = 8  # events that the states are extended by at a time
@@ -197,7 +197,7 @@ class _Front:
                 f"the chain is too stiff or too large for a projection: {self.time:.4g} of {self.grid[-1]:g} took "
                 f"{self.steps:.3g} steps on up to {chain.size} states, and all would take {total:.3g} or more, about "
                 f"{cost:.3g} s; at most {MAX_STEPS} steps and {limit_in_words(limit)}, which may be raised; ask for "
-                f"earlier times, lower the fastest rates, take the method 'transient' for few states, or sample"
+                f"earlier times, lower the fastest rates, use the method 'transient' if there are few states, or sample"
             )
 
     def _solve(self, search: Search) -> _Window:

@@ -25,8 +25,8 @@ MANY = 1024  # states whose laws are worth evaluating at once
 MOST_AHEAD = 4096  # states that are judged beside those, before they are known to be reached
 NOTHING_STOPS = np.zeros(0, dtype=bool)
 ADVICE = (
-    "Start from fewer copies, stop the network's growth, keep only the likely states by the method 'fsp', follow the "
-    "chain in some of them (`Chain.of(..., truncate=...)`), or sample with the direct method instead"
+    "Start from smaller counts, stop the network's growth, keep only the likely states by the method 'fsp', "
+    "truncate the chain (`Chain.of(..., truncate=...)`), or sample with the direct method instead"
 )
 
 
@@ -274,7 +274,7 @@ def key_multipliers(n_species: int) -> NDArray[np.uint64]:
 
 def keys_of(states: Ints, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """Keys (...) of states (..., S): a product that wraps around at 2**64."""
-    return (states.astype(np.uint64) * multipliers).sum(axis=-1, dtype=np.uint64)
+    return np.asarray((states.astype(np.uint64) * multipliers).sum(axis=-1, dtype=np.uint64))
 
 
 def key_changes_of(changes: SparseTable, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]:

@@ -143,7 +143,7 @@ def checked_events(events: Sequence[Event], species: Mapping[str, int]) -> tuple
     seen: set[str] = set()
     for event in checked:
         if event.name in seen:
-            raise ValueError(f"events has {event.name!r} twice; every name must differ")
+            raise ValueError(f"events has {event.name!r} twice; names must be unique")
         seen.add(event.name)
         event.check_names(species)
     return checked

@@ -156,5 +156,5 @@ def ranked_book(
 
 def _target(book: RuleBook) -> Structure:
     if book.target is None:
-        raise ValueError(f"book {book.name!r} names no target; add one, so that there is something to rank by")
+        raise ValueError(f"book {book.name!r} has no target; add one to rank it")
     return book.target

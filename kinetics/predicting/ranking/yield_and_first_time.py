@@ -15,7 +15,7 @@ from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient import Transient
 from kinetics.markov.transient.uniformisation import STEP_SECONDS
 from kinetics.network import Model, Network
-from kinetics.network.laws.expression import quoted
+from kinetics.network.laws.writing import quoted
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
 from kinetics.support.answer import CONFIDENCE, Answer, kind_of
@@ -155,7 +155,7 @@ def _sampled(
     network, start, method = model.network, model.initial, path_method(model.network)
     forecast_runs(network, method, start, np.array([end]), n)
     until = f"{quoted(target)} >= 1"
-    found = method.simulate(network, start, end, n, seed, first_run=first_run, until=until)
+    found = method.first_times(network, start, until, end, n, seed, first_run=first_run)
     targets = method.simulate(network, start, [end], n, seed, first_run=first_run)[target][:, 0]
     cost = time.process_time() - began
     return (

@@ -96,7 +96,7 @@ def tell_questions(questions: Sequence[str]) -> tuple[str, ...]:
     """The questions, each readable and none asked twice; a ValueError where not."""
     given = tuple(questions) if isinstance(questions, Iterable) and not isinstance(questions, str) else (questions,)
     if not given:
-        raise ValueError("nothing is asked; give a question, as in 'E[AB] @ 100' or 'P=? [ F<=100 AB >= 5 ]'")
+        raise ValueError("no question; give one, as in 'E[AB] @ 100' or 'P=? [ F<=100 AB >= 5 ]'")
     for question in given:
         parse(question)
         if given.count(question) > 1:

@@ -35,7 +35,7 @@ class Checkpoints:
             return
         place = Path(folder)
         if place.exists() and not place.is_dir():
-            raise ValueError(f"{place} is a file; a folder for the points of scans was expected: name another folder")
+            raise ValueError(f"{place} is a file; expected a folder for the points of scans: name another")
         place.mkdir(parents=True, exist_ok=True)
         self.path = place / f"{sha256(f'{FORMAT} {asked!r}')[:SHOWN]}.jsonl"
         if self.path.is_file():

@@ -73,7 +73,7 @@ def _processes(workers: int) -> Iterator[Executor]:
         if not isinstance(error, BrokenProcessPool):
             raise
         raise ChildProcessError(
-            "a worker ended before it had answered (killed for want of memory?); points that are done are kept, so "
+            "a worker ended before it had answered (killed for want of memory?); answered points are stored, so "
             "start again with fewer workers"
             if began.is_set()
             else f"workers cannot start; {GUARD}"

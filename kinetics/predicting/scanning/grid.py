@@ -89,7 +89,7 @@ def scan(
 
     def cost(seconds: Sequence[float], left: int) -> None:
         if left:
-            forecast(max(seconds) * left, f"{counted(left, 'point')} like those tried", at_once)
+            forecast(max(seconds) * left, f"{counted(left, 'point')} like the first ones", at_once)
         if progress is not None and left:
             progress(_cost(seconds, left, len(points), at_once))
 
@@ -114,7 +114,7 @@ def _checked(model: Model, over: Mapping[str, ArrayLike]) -> tuple[Model, dict[s
         raise ValueError("no name to scan over; give at least one, as in over={'k1': [1e-3, 1e-2]}")
     for name in over:
         if name in RESERVED:
-            raise ValueError(f"{name!r} is a column of the table; rename what the model calls so")
+            raise ValueError(f"{name!r} is a column of the table; rename it in the model")
     grid = {name: _values(model, name, values) for name, values in over.items()}
     check_size([len(values) for values in grid.values()])
     first = next(islice(grid_points(grid), 1))

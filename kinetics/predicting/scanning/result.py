@@ -11,7 +11,7 @@ import numpy as np
 
 from kinetics.support.answer import CONFIDENCE, ESTIMATE, NONE, PROVEN, Answer
 from kinetics.support.arrays import Floats
-from kinetics.support.datasets import dataset
+from kinetics.support.datasets import dataframe, dataset
 from kinetics.support.extras import extra
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import counted, of_unit
@@ -124,7 +124,7 @@ class Scan(Shown, Tabular):
             for point, question, answer in self._answered
         ]
         notes = [f"times in {self.time_unit}"] if self.time_unit else []
-        notes += ["bounds: proven or estimated of what is exact, 95 % intervals of what is sampled"]
+        notes += ["low and high: bounds (proven or estimated) if solved, 95 % intervals if sampled"]
         whys = dict.fromkeys(each.why for answers in self.answers for each in answers or () if each.kind == NONE)
         notes += [f"none: {why}" for why in list(whys)[:MOST_WHYS]]
         if len(whys) > MOST_WHYS:
@@ -136,8 +136,7 @@ class Scan(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row a point and question that was answered."""
-        pandas = extra("pandas")
-        return pandas.DataFrame(self.rows, columns=[*self.over, "question", *Answer.__dataclass_fields__])
+        return dataframe(self.rows, columns=[*self.over, "question", *Answer.__dataclass_fields__])
 
     def to_xarray(self) -> xr.Dataset:
         """A Dataset with a dimension for each scanned name and one for the question; nan where not made."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
 from types import MappingProxyType
@@ -20,7 +20,7 @@ from kinetics.support.cli.declared import POSITIVE, count_option, default_option
 from kinetics.support.cli.progress import BUDGET
 from kinetics.support.cli.study_folder import BOOK, is_filled, or_study_folder, rates_of, start_of
 from kinetics.support.extras import require
-from kinetics.support.output import check_target
+from kinetics.support.output import check_target, write_whole
 
 DURATION = 2000.0  # tu, the paper's
 
@@ -38,7 +38,7 @@ budget_option = default_option(
     metavar="MINUTES",
     type=POSITIVE,
     default=BUDGET,
-    help="CPU time allowed; work that is forecast to take more is refused before it starts.",
+    help="CPU time allowed; work forecast to take more is refused before it starts.",
 )
 
 truncate_option = click.option(
@@ -105,6 +105,20 @@ plot_option = click.option(
     callback=picture_of,
     help="Write a figure to this PNG, PDF or SVG file; may be repeated.",
 )
+
+
+def write_tables(files: Sequence[str], frame: Callable[[], Any], **form: Any) -> None:
+    """Write a table to these CSV files; it is made only if there are any."""
+    for file in files:
+        write_whole(file, frame().to_csv(index=False, **form))
+
+
+def write_plots(files: Sequence[str], draw: Callable[[Any], Any]) -> None:
+    """Write a figure, drawn on one pair of axes, to these files."""
+    for file in files:
+        from kinetics.support import plots
+
+        plots.save(file, draw)
 
 
 class OptionToldLate(click.Option):
@@ -283,7 +297,7 @@ def model_options(command: Callable[..., None]) -> Any:
             metavar="NAME=VALUE",
             multiple=True,
             callback=_values,
-            help="Give a parameter this value; may be repeated.",
+            help="Set a parameter to this value; may be repeated.",
         ),
         heading(FILES),
         click.option(
@@ -292,7 +306,7 @@ def model_options(command: Callable[..., None]) -> Any:
             metavar="X Y Z",
             nargs=3,
             type=float,
-            help="Edges of the tank; joins become rarer with its volume.  [default: as in the rates]",
+            help="Edge lengths of the tank; rates of joins scale with 1/volume.  [default: as in the rates]",
         ),
         count_option("--cubes", help="Number of single cubes at time 0."),
         click.option(

@@ -15,7 +15,7 @@ from kinetics.markov.transient import Distribution, Transient
 from kinetics.network import Model, Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.support.arrays import Counts, rising_times
-from kinetics.support.extras import extra
+from kinetics.support.datasets import dataframe
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import text_table
 from kinetics.trust.accuracy.curves import CURVES, Curve, Result, Task, shape_of
@@ -148,9 +148,7 @@ class Diagram(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per point."""
-        pandas = extra("pandas")
-
-        return pandas.DataFrame(self.rows())
+        return dataframe(self.rows())
 
     @property
     def headline(self) -> str:
@@ -174,7 +172,7 @@ class Diagram(Shown, Tabular):
             )
         within = f"within {self.reference_bound:.1e} copies, {'proven' if self.is_proven else 'estimated'}"
         measured = [
-            "error: largest Wasserstein distance of a species' distribution from the exact one, over times and species",
+            "error: largest Wasserstein distance of a species' distribution from the reference, over times and species",
             f"reference: {REFERENCE.name}, tolerance {REFERENCE.tolerance:g}, {self.reference_cpu:.3g} CPU s; {within}",
         ]
         lines = []
@@ -183,7 +181,7 @@ class Diagram(Shown, Tabular):
             lines.append(f"exponent of the error against runs (-1/2 expected): {', '.join(slopes)}")
         lines += [f"left out: {x.curve} {x.label}: {x.reason}" for x in self.left_out]
         if not self.is_complete:
-            lines.append("interrupted: only what was finished is shown")
+            lines.append("interrupted: only finished work is shown")
         return ResultTable(self.headline, heads, rows, [*measured, *lines])
 
     def __str__(self) -> str:

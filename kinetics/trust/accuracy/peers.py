@@ -53,7 +53,7 @@ def rate_equation(network: Network, initial: ArrayLike, times: ArrayLike) -> Flo
     needed, changes = network.reactants, network.stoichiometry
 
     def slope(_: float, x: Floats) -> Floats:
-        return (coefficients * np.prod(x**needed, axis=1)) @ changes
+        return np.asarray((coefficients * np.prod(x**needed, axis=1)) @ changes)
 
     absolute = TOLERANCE * max(1.0, float(start.max()))
     solved = solve_ivp(slope, (0.0, float(grid[-1])), start, "LSODA", t_eval=grid, rtol=TOLERANCE, atol=absolute)

@@ -100,7 +100,7 @@ def test_trajectories_and_first_times(end):
     assert labels[2:] == ["exact, 95 % band for 5 runs", "SSA, 20 runs", "mechanics, 95 % interval"]
     ax = axes()
     found.first.plot(ax)
-    assert "mechanics, 5 runs, 95 % limits" in texts(ax)
+    assert "mechanics, 5 runs, 95 % intervals" in texts(ax)
     assert ax.get_ylim() == (0.0, 1.0)
     ax = axes()
     found.single_runs.plot(ax)

@@ -104,7 +104,7 @@ def test_ctrl_c_keeps_what_is_done_and_the_same_command_goes_on(place, workers, 
     assert process.returncode == 130, err
     made = lines(place)
     assert 3 <= made < 12
-    assert f"Interrupted: {made} of 12 points are answered, and kept in scans; the same command goes on" in err
+    assert f"Interrupted: {made} of 12 points are answered and stored in scans; the same command continues" in err
     assert "Traceback" not in err
     assert f"{made} of 12 points of k1 (12) x A (1)" in out
     done = run_here(*SLOW, "--runs", 150, "--json", cwd=place)

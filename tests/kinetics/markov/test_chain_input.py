@@ -30,7 +30,7 @@ def test_rates_and_generators_are_the_same_chain():
         # what cancels in doubles once left no rate at all, and an answer of 0
         (coo_array(([1e16, 1.0, -1e16], ([0] * 3, [1] * 3)), shape=(2, 2)), 0, "from state 0 to state 1 is -1e\\+16"),
         (csr_array(RATES * 1j), 0, "generator holds complex numbers"),
-        (np.minimum(RATES, 1.0) * 1e308, 0, "a state is left at inf 1/tu; at most 1e\\+300 is read"),
+        (np.minimum(RATES, 1.0) * 1e308, 0, "a state has an exit rate of inf 1/tu; the largest allowed is 1e\\+300"),
         (RATES[:2], 0, r"generator has shape \(2, 3\); expected a square"),
         (np.zeros((0, 0)), 0, "generator has no states"),
         ([["a"]], 0, "generator must be numbers"),

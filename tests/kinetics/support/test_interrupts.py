@@ -16,8 +16,8 @@ from kinetics.markov.transient import Dense
 from kinetics.support import interrupts
 from kinetics.support.interrupts import heard, short_slices
 
-LOOP = "A <-> B, 1.3, 1\nB <-> C, 1, 0.7\nC -> D, 0.2\nA = 12"
-RING = "A <-> B, 1.3, 1\nB <-> C, 1, 0.7\nC <-> A, 0.2, 0.3\nA + C -> 2 B, 0.1\nA = 30"
+LOOP = "A <-> B, 1.3, 1\nB <-> C, 1, 0.7\nC -> D, 0.2\nA = 8"
+RING = "A <-> B, 1.3, 1\nB <-> C, 1, 0.7\nC <-> A, 0.2, 0.3\nA + C -> 2 B, 0.1\nA = 20"
 
 
 def numbers():

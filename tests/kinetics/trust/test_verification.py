@@ -300,14 +300,14 @@ def test_impossible_states_are_not_left_to_chance():
         return counts
 
     found = verify(switch(), CountsOf(change=escape), [20, 0], [1.0], runs=5000, seed=6, with_power=False)
-    assert "states that cannot be at 1 tu" in {failure.what for failure in found.failures}
+    assert "states that are impossible at 1 tu" in {failure.what for failure in found.failures}
     assert verify(switch(), CountsOf(), [20, 0], [1.0], runs=5000, seed=6, with_power=False).passed
 
 
 def test_reading_a_verification():
     found = verify(switch(), Direct(), [5, 0], [1.0], runs=1000, seed=9)
     assert str(found).startswith(
-        f"ssa: {len(found.findings)} findings on 1000 runs (seed 9), 0 failed; a right sampler"
+        f"ssa: {len(found.findings)} findings on 1000 runs (seed 9), 0 failed; a correct sampler"
     )
     assert "power, measured on mutants of these runs, each made once" in str(found)
     assert "at distances other than 1, 2, 3, 4, 8 and half of the runs" in str(found)

@@ -239,7 +239,7 @@ def test_the_cost_is_told():
         ({"k": [-1.0]}, "E[A] @ 1", {}, "expected at least 0"),
         ({"A": [1.5]}, "E[A] @ 1", {}, "must be whole numbers"),
         ({"A": [-1]}, "E[A] @ 1", {}, "expected at least 0"),
-        ({"k": [1]}, [], {}, "nothing is asked"),
+        ({"k": [1]}, [], {}, "no question; give one"),
         ({"k": [1]}, "E[A]", {}, "cannot read the question"),
         ({"k": [1]}, ["E[A] @ 1", "E[A] @ 1"], {}, "is asked twice"),
         ({"k": [1]}, "E[B] @ 1", {}, "^unknown reward 'B'"),
@@ -248,7 +248,7 @@ def test_the_cost_is_told():
         ({"k": [1]}, "S=? [ B > 0 ]", {}, "^condition 'B > 0': unknown name 'B'"),
         ({"k": [1]}, 'R{"time"}=? [ F B > 0 ]', {}, "^condition 'B > 0': unknown name 'B'"),
         ({"k": [1]}, "P=? [ F A = 0 ]", {"truncate": "B < 3"}, "^condition 'B < 3': unknown name 'B'"),
-        ({"k": [1]}, "P=? [ F A = 0 ]", {"max_states": 0}, "cannot be sampled: it has no end in time"),
+        ({"k": [1]}, "P=? [ F A = 0 ]", {"max_states": 0}, "cannot be sampled: it has no time bound"),
         ({"k": [1]}, "S=? [ A = 0 ]", {"max_states": 0}, "cannot be sampled"),
         ({"k": [1]}, "E[A] @ 1", {"runs": 1}, "runs = 1; expected"),
         ({"k": [1]}, "E[A] @ 1", {"workers": 0}, "workers = 0"),
@@ -284,7 +284,7 @@ def test_a_question_without_an_answer_at_a_point_says_so_and_the_others_go_on(tm
     # nothing is sampled for ever, where too many states can be reached
     mixed = scan(decay(), {"A": [3, 30]}, ["P=? [ F A = 0 ]", "E[A] @ 1"], max_states=10, runs=20)
     assert mixed.words("kind").tolist() == [["proven", "proven"], ["none", CONFIDENCE]]
-    assert "has no end in time" in mixed.rows[2]["why"]
+    assert "has no time bound" in mixed.rows[2]["why"]
 
 
 def test_rewards_are_the_same_ones_exact_and_sampled(tmp_path):

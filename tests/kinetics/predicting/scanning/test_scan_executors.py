@@ -53,7 +53,7 @@ def test_a_script_without_a_guard_is_told_what_to_do(tmp_path):
     process = script(tmp_path, UNGUARDED)
     _, said = process.communicate()
     assert process.returncode == 1
-    assert "workers cannot start; put what starts workers in a script under `if __name__ ==" in said
+    assert "workers cannot start; in a script, start workers under `if __name__ ==" in said
     assert "bootstrapping" not in said  # multiprocessing's own words
 
 
