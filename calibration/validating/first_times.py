@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinetics.markov.transient.search import MAX_STATES, TooManyStatesError
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.laws.writing import quoted
 from kinetics.runs import JumpPath, TruncatedRunsError
 from kinetics.sampling import Direct, first_times_of_draws
@@ -255,9 +255,8 @@ def _drawn_levels(
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
     levels = np.empty((len(rate_draws), n))
     made = first_times_of_draws(
-        network,
+        Model.of(network, paths[0].initial),
         rate_draws,
-        paths[0].initial,
         _present(species),
         times[-1],
         n,

@@ -90,7 +90,7 @@ def yield_and_first_time(
 @cache
 def load_kernels() -> None:
     """Load kernels and libraries by a tank of one copy that decays, so that this is no cost of the first figure."""
-    network = Network(("x",), ("decay",), np.array([[1]]), np.array([[-1]]), np.ones(1), np.ones(1))
+    network = Network.from_reactions({"decay": ({"x": 1}, {})}, [1.0])
     model = Model(network, np.array([1]))
     _exact_passage(model, "x", 1.0, MAX_STATES)
     _exact_yield(model, "x", 1, 1.0, MAX_STATES)
