@@ -11,6 +11,7 @@ import click
 from calibration.commands.shared import leave
 from kinetics.support.cli.options import echo_json
 from kinetics.support.output import write_whole
+from kinetics.support.packages import pd
 from kinetics.support.tables import figure, text_table
 
 if TYPE_CHECKING:
@@ -113,8 +114,6 @@ def validate_by_class(
         specs, rates, runs_folder, groups=min(GROUPS, number), most_groups=number, workers=workers, progress=progress
     )
     for csv_file in csv_files:
-        import pandas as pd
-
         curves = pd.concat([comparison.to_dataframe() for comparison in study.comparisons])
         write_whole(csv_file, curves.to_csv(index=False))
     for plot_file in plot_files:

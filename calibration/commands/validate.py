@@ -18,6 +18,7 @@ from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import NumbersCommand, echo_json, json_option, picture_of, table_of
 from kinetics.support.cli.study_folder import PLAN, RUNS, is_filled, or_study_folder, rates_of
 from kinetics.support.output import write_whole
+from kinetics.support.packages import pd
 from mechsim.commands.options import run_options
 
 if TYPE_CHECKING:
@@ -174,8 +175,6 @@ def validate(
         )
         cleared = bars(plan.verdict, study, control)
     for csv_file in csv_files:
-        import pandas as pd
-
         write_whole(csv_file, pd.DataFrame([row.to_dict() for row in study.events]).to_csv(index=False))
     if report:
         from calibration.reporting.overview import validation_report

@@ -17,6 +17,7 @@ from kinetics.network import Network
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import exact_limits, jeffreys_posterior
+from kinetics.support.packages import special
 from kinetics.support.shown import ResultTable, Shown, on_axes
 from kinetics.support.tables import inverse, of_unit
 
@@ -69,13 +70,11 @@ class RateEstimate:
 
     def credible_interval(self, level: float = 0.95) -> tuple[float, float]:
         """Equal-tailed posterior limits of k, 1/tu."""
-        from scipy.special import gammaincinv
-
         if not self.is_measured:
             return 0.0, float("inf")
         shape, rate = self.posterior
         tail = (1 - level) / 2
-        return float(gammaincinv(shape, tail) / rate), float(gammaincinv(shape, 1 - tail) / rate)
+        return float(special.gammaincinv(shape, tail) / rate), float(special.gammaincinv(shape, 1 - tail) / rate)
 
     @on_axes
     def plot(self, ax: Axes, level: float = 0.95) -> Axes:

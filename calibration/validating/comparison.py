@@ -18,6 +18,7 @@ from calibration.validating.single_runs import SingleRuns
 from calibration.validating.verdict import ConsistencyCheck, Verdict, event_checks, judged
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import plt
 from kinetics.support.shown import ResultTable, Shown
 from kinetics.support.tables import in_unit
 
@@ -263,8 +264,6 @@ class CrossValidation(Shown):
         from kinetics.support.plots import colour
 
         if axes is None:
-            import matplotlib.pyplot as plt
-
             across = len(species or self.network.species)
             axes = list(
                 plt.figure(figsize=(4.0 * across, 3.2), layout="constrained").subplots(1, across, squeeze=False)[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,11 +14,8 @@ from kinetics.assembly.faces import ROTATIONS, compose, scheme_of
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Placement, Structure
 from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
-from kinetics.support.extras import extra
+from kinetics.support.packages import pd
 from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, on_axes, over_time
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 NOTHING = -1  # in `before` and `after` of an event that takes or makes one structure only
 FEW_SIZES = 6  # up to which each size is shown by itself
@@ -182,14 +179,12 @@ class Growth(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per event: time in tu, the structures consumed and those produced, in words."""
-        pandas = extra("pandas")
-
         names = [*map(str, self.structures), ""]  # NOTHING picks the last
         sides = {
             name: [" + ".join(filter(None, (names[s] for s in pair))) for pair in side.tolist()]
             for name, side in (("before", self.before), ("after", self.after))
         }
-        return pandas.DataFrame({"time": self.times, **sides})
+        return pd.DataFrame({"time": self.times, **sides})
 
     def _grid(self, times: ArrayLike) -> Floats:
         grid = rising_times(times)
@@ -326,11 +321,9 @@ class Growths(Shown):
 
     def to_dataframe(self, times: ArrayLike) -> pd.DataFrame:
         """One row per run and time: run, time in tu, and the series."""
-        pandas = extra("pandas")
-
         grid = rising_times(times)
         table = {"run": np.repeat(np.arange(len(self.runs)), grid.size), "time": np.tile(grid, len(self.runs))}
-        return pandas.DataFrame(table | {name: values.ravel() for name, values in self.series(grid).items()})
+        return pd.DataFrame(table | {name: values.ravel() for name, values in self.series(grid).items()})
 
     @on_axes
     def plot(self, ax: Any, times: ArrayLike) -> Any:

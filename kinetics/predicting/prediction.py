@@ -22,12 +22,11 @@ from kinetics.sampling.streamed import streamed
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Counts, Floats, real_number, some_times
 from kinetics.support.datasets import dataset
-from kinetics.support.extras import extra
+from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time, precision_of
 from kinetics.support.tables import with_spread
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
     from kinetics.markov.transient import Distribution, SolvingMethod
@@ -110,14 +109,12 @@ class Prediction(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species."""
-        pandas = extra("pandas")
-
         names = self.network.species
         columns = {"mean": self.mean, "sd": self.sd, "standard_error": self.standard_error}
         if self.low is not None and self.high is not None:
             columns |= {"low": self.low, "high": self.high}
         keys = {"time": np.repeat(self.times, len(names)), "species": list(names) * self.times.size}
-        return pandas.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
+        return pd.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
 
     def to_xarray(self) -> xr.Dataset:
         """The same, with dimensions time and species."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,10 @@ from kinetics.network import Network
 from kinetics.runs.truncation import Truncation
 from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import Floats, Ints
-from kinetics.support.extras import extra
 from kinetics.support.intervals import binomial_limits, student_interval
+from kinetics.support.packages import pd, special
 from kinetics.support.shown import ResultTable, Shown, Tabular, facts, on_axes
 from kinetics.support.tables import counted, figure, in_unit
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 LEVEL = 0.95
 
@@ -146,11 +143,10 @@ class FirstTimes(Shown, Tabular):
         if not self._cut_short.size:
             high, low = (1.0 - limit for limit in binomial_limits(np.append(0, np.cumsum(events)), self.runs, level))
             return Survival(times, curve, low, high)
-        from scipy.special import ndtri
 
         with np.errstate(divide="ignore", invalid="ignore"):
             variance = np.append(0.0, np.cumsum(events / (at_risk * (at_risk - events))))
-            spread = np.exp(ndtri((1 + level) / 2) * np.sqrt(variance) / np.log(curve))
+            spread = np.exp(special.ndtri((1 + level) / 2) * np.sqrt(variance) / np.log(curve))
             low, high = curve ** (1 / spread), curve**spread
         is_known = (curve > 0) & (curve < 1)
         return Survival(times, curve, np.where(is_known, low, curve), np.where(is_known, high, curve))
@@ -194,9 +190,8 @@ class FirstTimes(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row a run: its number, until when it was observed, whether the condition held then, and its counts."""
-        pandas = extra("pandas")
         table = {"run": np.arange(self.runs), "time": self.observed, "is_reached": self.is_reached}
-        return pandas.DataFrame(table | dict(zip(self.network.species, self.counts.T, strict=True)))
+        return pd.DataFrame(table | dict(zip(self.network.species, self.counts.T, strict=True)))
 
     @on_axes
     def plot(self, ax: Any) -> Any:

@@ -17,7 +17,7 @@ from kinetics.network import Network, Tank
 from kinetics.runs.truncation import Truncation
 from kinetics.support.arrays import Floats, Ints, integers, read_only, real_number, reals, rising_times
 from kinetics.support.datasets import dataset
-from kinetics.support.extras import extra
+from kinetics.support.packages import pd
 from kinetics.support.shown import (
     MOST_TIMES,
     ResultTable,
@@ -31,7 +31,6 @@ from kinetics.support.shown import (
 from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
 MAX_STATES = 2**27  # counts in the table of all states of a path, 1 GB
@@ -210,13 +209,11 @@ class JumpPath(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per moment: time in tu, event ("start", a channel, "restart", "end"), counts after it."""
-        pandas = extra("pandas")
-
         names = (*self.network.channels, "restart")  # RESTART = -1 picks the last
         happened = ["start", *(names[channel] for channel in self.channels), "end"]
         counts = np.vstack([self.states, self.states[-1:]])
         table = {"time": np.concatenate([[0.0], self.times, [self.end]]), "event": happened}
-        return pandas.DataFrame(table | dict(zip(self.network.species, counts.T, strict=True)))
+        return pd.DataFrame(table | dict(zip(self.network.species, counts.T, strict=True)))
 
     @on_axes
     def plot(self, ax: Any) -> Any:
@@ -356,12 +353,10 @@ class Ensemble(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per run and time: run, time in tu, counts."""
-        pandas = extra("pandas")
-
         runs = np.repeat(np.arange(self.runs), self.times.size)
         table = {"run": runs, "time": np.tile(self.times, self.runs)}
         columns = self.counts.reshape(-1, len(self.network.species)).T
-        return pandas.DataFrame(table | dict(zip(self.network.species, columns, strict=True)))
+        return pd.DataFrame(table | dict(zip(self.network.species, columns, strict=True)))
 
     def to_xarray(self) -> xr.Dataset:
         """The counts, with dimensions run, time and species."""

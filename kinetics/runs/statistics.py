@@ -18,14 +18,13 @@ from kinetics.network import Network
 from kinetics.runs.truncation import Truncation
 from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
 from kinetics.support.datasets import dataset
-from kinetics.support.extras import extra
 from kinetics.support.intervals import binomial_limits
 from kinetics.support.memory import check_memory
+from kinetics.support.packages import pd
 from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, means_over_time, on_axes, precision_of
 from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
 # Bins of a histogram, one for each time and species. No power of two: histograms so many bytes apart would push each
@@ -189,14 +188,12 @@ class EnsembleStatistics(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species."""
-        pandas = extra("pandas")
-
         names = self.network.species
         figures = {"mean": self.mean(), "sd": self.sd(), "smallest": self.low, "largest": self.high}
         figures |= {f"q{q:g}": self.quantile(q) for q in QUANTILES}
         figures["quantile_error"] = self.quantile_error()
         keys = {"time": np.repeat(self.times, len(names)), "species": list(names) * self.times.size}
-        return pandas.DataFrame(keys | {name: values.ravel() for name, values in figures.items()})
+        return pd.DataFrame(keys | {name: values.ravel() for name, values in figures.items()})
 
     def to_xarray(self) -> xr.Dataset:
         """The statistics, with dimensions time and species, and of the quantiles q."""

@@ -16,6 +16,7 @@ from kinetics.network.propensity import over_factorial, state_text
 from kinetics.sampling.stepwise import StepwiseSampler
 from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.packages import sparse
 
 if TYPE_CHECKING:
     from kinetics.kernels import general
@@ -204,13 +205,11 @@ def readers_of(programs: list[list[Step]]) -> list[tuple[int, int]]:
 
 def changed_readers(network: Network, read: list[tuple[int, int]]) -> tuple[Ints, Ints]:
     """For each channel, the channels whose propensity its firing changes: where they start, and which they are."""
-    from scipy.sparse import csr_array
-
     change = network.sparse_stoichiometry
-    changes = csr_array((np.ones(change.columns.size), change.columns, change.starts), shape=change.shape)
+    changes = sparse.csr_array((np.ones(change.columns.size), change.columns, change.starts), shape=change.shape)
     owners, species = np.array(read, dtype=np.int64).reshape(-1, 2).T
-    reads = csr_array((np.ones(owners.size), (species, owners)), shape=(change.shape[1], change.shape[0]))
-    linked = csr_array(changes @ reads)
+    reads = sparse.csr_array((np.ones(owners.size), (species, owners)), shape=(change.shape[1], change.shape[0]))
+    linked = sparse.csr_array(changes @ reads)
     linked.sort_indices()
     return linked.indptr.astype(np.int64), linked.indices.astype(np.int64)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from kinetics.support.extras import extra
+from kinetics.support.packages import extra
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,6 +10,7 @@ from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
 from kinetics.support.output import write_whole
+from kinetics.support.packages import pd
 from mechsim.commands.options import executor_options, progress_option, runs_option
 
 if TYPE_CHECKING:
@@ -99,8 +100,6 @@ def mechanics(
         tell=lambda text: click.echo(text, err=as_json),
     )
     for csv_file in csv_files:
-        import pandas as pd
-
         write_whole(csv_file, pd.DataFrame(measured.rows()).to_csv(index=False, float_format="%.6g"))
     for plot_file in plot_files:
         from kinetics.support.plots import save

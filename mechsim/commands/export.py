@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from kinetics.support.cli.options import echo_json, json_option
-from kinetics.support.extras import require
+from kinetics.support.packages import require
 
 
 @click.command()

@@ -9,7 +9,7 @@ import click
 
 from kinetics.support.cli.options import PICTURES, echo_json, in_a_folder, json_option
 from kinetics.support.cli.progress import progress_line
-from kinetics.support.extras import require
+from kinetics.support.packages import require
 from mechsim.commands.options import progress_option, runs_option
 
 if TYPE_CHECKING:

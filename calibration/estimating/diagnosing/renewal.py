@@ -10,6 +10,7 @@ import numpy as np
 from calibration.estimating.diagnosing.conditional import spacing_test
 from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import stats
 from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
@@ -56,12 +57,10 @@ class WaitingTimes:
         too late: given the last, those before it are uniform up to it. Too early: on the clock up to one event more,
         all n are; the clock ends before that event, which makes them look later than they are.
         """
-        from scipy.stats import kstest
-
-        early = kstest(self.positions / self.total, "uniform", alternative="greater")
+        early = stats.kstest(self.positions / self.total, "uniform", alternative="greater")
         if self.positions.size == 1:
             return float(early.statistic), min(2 * float(early.pvalue), 1.0)
-        late = kstest(self.positions[:-1] / self.positions[-1], "uniform", alternative="less")
+        late = stats.kstest(self.positions[:-1] / self.positions[-1], "uniform", alternative="less")
         least = min(early, late, key=lambda side: side.pvalue)
         return float(least.statistic), min(2 * float(least.pvalue), 1.0)
 

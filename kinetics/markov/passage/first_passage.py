@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,12 +16,9 @@ from kinetics.markov.passage.until import UNDERFLOW
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Floats, reals
-from kinetics.support.extras import extra
+from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 from kinetics.support.tables import counted, figure, in_unit
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 DRAWN = 201  # times of a curve
 
@@ -224,11 +221,9 @@ class Passage(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """The distribution function up to 99 % of those that arrive: time, probability, and its bounds low and high."""
-        pandas = extra("pandas")
-
         times = self._drawn_at
         low, high = self.cdf_bounds(times)
-        return pandas.DataFrame({"time": times, "probability": self.cdf(times), "low": low, "high": high})
+        return pd.DataFrame({"time": times, "probability": self.cdf(times), "low": low, "high": high})
 
     @on_axes
     def plot(self, ax: Any) -> Any:

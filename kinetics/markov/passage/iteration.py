@@ -16,6 +16,7 @@ from kinetics.markov.passage.certified import FINE, BoundedSolution, Equations
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.support.arrays import Floats
 from kinetics.support.interrupts import pieces
+from kinetics.support.packages import sparse
 
 LARGEST = 830  # binary exponent of the largest value while bounds are proven, so that small ones lose no digits
 TINY = 1e-307  # what doubles lose where they are smallest, and more
@@ -51,12 +52,11 @@ class Iteration(Equations):
     """
 
     def _factor(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
-        from scipy.sparse import csr_array
 
         from kinetics.kernels import incomplete
 
         n = leaving.size
-        table: Any = csr_array((rates, (rows, columns)), shape=(n, n))
+        table: Any = sparse.csr_array((rates, (rows, columns)), shape=(n, n))
         table.sum_duplicates()
         begins, places = table.indptr.astype(np.int32), table.indices.astype(np.int32)
         shares, reduced, left = table.data.copy(), np.empty(n), leaving.copy()

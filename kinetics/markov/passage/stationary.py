@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,8 @@ from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import totals
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Counts, Floats, read_only
-from kinetics.support.extras import extra
+from kinetics.support.packages import pd, sparse
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MOST_CLASSES = 10  # in a table for people
 MANY = 20_000  # states on which sparse factors are tried before elimination
@@ -111,14 +108,12 @@ class Stationary(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per species and number of copies: its probability."""
-        pandas = extra("pandas")
-
         shares = {name: self.marginal(name) for name in self._space.network.species}
         keys = {
             "species": np.repeat(list(shares), [share.size for share in shares.values()]),
             "copies": np.concatenate([np.arange(share.size) for share in shares.values()]),
         }
-        return pandas.DataFrame(keys | {"probability": np.concatenate(list(shares.values()))})
+        return pd.DataFrame(keys | {"probability": np.concatenate(list(shares.values()))})
 
     @on_axes
     def plot(self, ax: Any, species: str | None = None) -> Any:
@@ -140,11 +135,9 @@ class Stationary(Shown, Tabular):
 
 def stationary_of(transitions: Transitions, start: Floats) -> Stationary:
     """The stationary distribution of any chain from a start spread as `start` (N,)."""
-    from scipy.sparse.csgraph import connected_components
-
     rows, columns, *_ = transitions
     n = transitions.size
-    n_classes, label = connected_components(_graph(rows, columns, n), directed=True, connection="strong")
+    n_classes, label = sparse.csgraph.connected_components(_graph(rows, columns, n), directed=True, connection="strong")
     is_closed = np.ones(n_classes, dtype=bool)
     is_closed[label[rows[label[rows] != label[columns]]]] = False
     try:
@@ -178,9 +171,8 @@ def steady_mean(rest: Stationary, values: Floats) -> Answer:
 
 
 def _graph(rows: NDArray[Any], columns: NDArray[Any], n: int) -> Any:
-    from scipy.sparse import csr_array
 
-    return csr_array((np.ones(rows.size), (rows, columns)), shape=(n, n))
+    return sparse.csr_array((np.ones(rows.size), (rows, columns)), shape=(n, n))
 
 
 def _weights(
@@ -262,11 +254,10 @@ def _by_iteration(chain: Transitions) -> tuple[Floats, float]:
 
 def _guessed(chain: Transitions) -> Floats:
     """About the probabilities (N,), times some number."""
-    from scipy.sparse import csr_array
 
     from kinetics.kernels import balance
 
-    table: Any = csr_array((chain.rates, (chain.rows, chain.columns)), shape=(chain.size, chain.size))
+    table: Any = sparse.csr_array((chain.rates, (chain.rows, chain.columns)), shape=(chain.size, chain.size))
     table.sum_duplicates()
     logs = np.empty(chain.size)
     balance.balanced(table.indptr, table.indices, table.data, chain.exits, logs)

@@ -12,11 +12,10 @@ from kinetics.markov.transient.states import StateSpace
 from kinetics.network import Network
 from kinetics.support.arrays import Counts, Floats, read_only
 from kinetics.support.datasets import dataset
-from kinetics.support.extras import extra
+from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, means_over_time, on_axes
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
 SLACK = 2.0**-52  # by which a sum of probabilities may miss a quantile
@@ -149,10 +148,8 @@ class Distribution(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species: mean and standard deviation of the counts."""
-        pandas = extra("pandas")
-
         names = self.network.species
-        return pandas.DataFrame(
+        return pd.DataFrame(
             {
                 "time": np.repeat(self.times, len(names)),
                 "species": list(names) * self.times.size,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,12 +24,9 @@ from kinetics.rates import ClassRates
 from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import whole_number
 from kinetics.support.cli.progress import stage
-from kinetics.support.extras import extra
+from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 from kinetics.support.tables import text_table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MAX_JOINS = 8  # shown to people; the rest is in `pathways`
 
@@ -184,8 +181,6 @@ class Ranking(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per book and figure."""
-        pandas = extra("pandas")
-
         rows = [
             {"place": book["place"], "book": book["book"], "joins": ", ".join(self.pathways[book["book"]])}
             | {"figure": name, **{key: value for key, value in book[name].items() if key != "from_rates"}}
@@ -193,7 +188,7 @@ class Ranking(Shown, Tabular):
             for book in self.as_dict()["books"]
             for name in ("yield", "first", "reached")
         ]
-        return pandas.DataFrame(rows)
+        return pd.DataFrame(rows)
 
     @on_axes
     def plot(self, ax: Any) -> Any:

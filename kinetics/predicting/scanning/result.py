@@ -12,12 +12,11 @@ import numpy as np
 from kinetics.support.answer import CONFIDENCE, ESTIMATE, NONE, PROVEN, Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.datasets import dataset
-from kinetics.support.extras import extra
+from kinetics.support.packages import pd, plt
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import counted, of_unit
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
 MOST_ROWS = 40  # of a table for people
@@ -136,8 +135,7 @@ class Scan(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row a point and question that was answered."""
-        pandas = extra("pandas")
-        return pandas.DataFrame(self.rows, columns=[*self.over, "question", *Answer.__dataclass_fields__])
+        return pd.DataFrame(self.rows, columns=[*self.over, "question", *Answer.__dataclass_fields__])
 
     def to_xarray(self) -> xr.Dataset:
         """A Dataset with a dimension for each scanned name and one for the question; nan where not made."""
@@ -158,9 +156,6 @@ class Scan(Shown, Tabular):
         from kinetics.predicting.scanning.pictures import draw_scan, size_of
 
         if figure is None:
-            extra("matplotlib")
-            import matplotlib.pyplot as plt
-
             figure = plt.figure(figsize=size_of(self), layout="constrained")
         draw_scan(figure, self)
         return figure

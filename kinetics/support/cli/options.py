@@ -18,8 +18,8 @@ from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.progress import BUDGET
 from kinetics.support.cli.study_folder import BOOK, is_filled, or_study_folder, rates_of, start_of
-from kinetics.support.extras import require
 from kinetics.support.output import check_target
+from kinetics.support.packages import require
 
 DURATION = 2000.0  # tu, the paper's
 
