@@ -14,6 +14,7 @@ from calibration.estimating.likelihood import PathLikelihood
 from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, fit_rates
 from calibration.estimating.shape_posterior import shape_posterior
 from kinetics.network import Network
+from kinetics.rates import Rates
 from kinetics.rates.breaks import BreakModel, is_break
 from kinetics.runs import JumpPath
 from kinetics.support.packages import special
@@ -116,8 +117,6 @@ def deviance(fit: RateFit) -> LikelihoodRatio:
 
 def rates_of_fit(calibration: Calibration, fit: RateFit, evidence: Mapping[str, Any] | None = None) -> Rates:
     """The rates of joins as measured, and of breaks by the fit of a break model to the same runs."""
-    from kinetics.rates import Rates
-
     plain = calibration.rates(evidence)
     model = fit.model
     if not isinstance(model, BreaksBySpecies):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from calibration import plots
 from calibration.estimating.exposure import sojourns
 from calibration.estimating.grouping import Grouping
 from calibration.estimating.likelihood import Maximum, PathLikelihood
@@ -233,8 +234,6 @@ class RateFit(Shown):
     @on_axes
     def plot(self, ax: Axes, level: float = 0.95) -> Axes:
         """Forest plot of the coefficients, the shape in the title; returns `ax`."""
-        from calibration import plots
-
         rows = self.table(level)
         coefficients = [row for row in rows if row["parameter"] in self._places]
         shape = [f"{row['parameter']} = {row['estimate']:.3g}" for row in rows if row not in coefficients]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calibration import plots
 from calibration.estimating.joins_and_breaks import WHOLES
 from calibration.validating.events import EventRow, HeldOutEvents, event_rows
 from calibration.validating.first_times import FirstTimeComparison
@@ -19,6 +20,7 @@ from calibration.validating.verdict import ConsistencyCheck, Verdict, event_chec
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
 from kinetics.support.packages import plt
+from kinetics.support.plots import colour
 from kinetics.support.shown import ResultTable, Shown
 from kinetics.support.tables import in_unit
 
@@ -260,9 +262,6 @@ class CrossValidation(Shown):
 
         axes : as many; new ones, in a row, where none are given
         """
-        from calibration import plots
-        from kinetics.support.plots import colour
-
         if axes is None:
             across = len(species or self.network.species)
             axes = list(

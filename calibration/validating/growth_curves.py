@@ -23,6 +23,7 @@ from calibration.validating.verdict import ConsistencyCheck, Verdict, judged
 from kinetics.networkfree import Growth, Growths, grow
 from kinetics.networkfree.growth import NOTHING
 from kinetics.rates import ClassRates
+from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, rising_times
 from kinetics.support.packages import pd, plt
 from kinetics.support.shown import ResultTable, Shown, Tabular
@@ -218,8 +219,6 @@ class GrowthComparison(Shown, Tabular):
 
         figure : a Matplotlib figure, which it fills; a new one where none is given. Returned
         """
-        from kinetics.support import plots
-
         if figure is None:
             figure = plt.figure(layout="constrained")
         across = min(3, len(self.curves))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from kinetics.assembly import RuleBook
+from kinetics.assembly import check as examine
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.failures import CHECKED, INTERRUPTED
 from kinetics.support.cli.options import echo_json, json_option, plot_option
@@ -43,9 +45,6 @@ def check(
     with the shortest sequence of events that leads to it; --plot draws these. Exit code 1 if there are errors. Ctrl-C
     reports what was explored so far.
     """
-    from kinetics.assembly import RuleBook
-    from kinetics.assembly import check as examine
-
     with progress_line() as progress:
         report = examine(
             *(RuleBook.load(book), max_cubes, max_species, slow_waves),

@@ -11,6 +11,9 @@ from pathlib import Path
 
 import click
 
+from kinetics.assembly import Senses
+from kinetics.assembly.compiler import Target, compile_book
+from kinetics.assembly.rules.writing import written
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import echo_json, in_a_folder, json_option, seed_option
 from kinetics.support.cli.progress import progress_line
@@ -94,10 +97,6 @@ def compile_(
     the target name them, then the fewest letters, then few rules. --seed matters only for structures that grow from a
     seed cube.
     """
-    from kinetics.assembly import Senses
-    from kinetics.assembly.compiler import Target, compile_book
-    from kinetics.assembly.rules.writing import written
-
     wanted = Target.load(target)
     if faces or roll or across or touched:
         asked = Senses(faces=faces or "two", roll=roll, across=across, touched=touched)

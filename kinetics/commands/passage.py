@@ -10,7 +10,14 @@ import click
 import numpy as np
 
 from kinetics.commands.models import applied, conditions, described, instead_of_many_states, remarks
+from kinetics.markov.network_questions import chain_to
+from kinetics.network.laws.expression import quoted
 from kinetics.network.sums import Counted, in_words, summed
+from kinetics.predicting import predict_passage
+from kinetics.runs import TruncatedRunsError
+from kinetics.sampling import simulate
+from kinetics.sampling.watch import MAX_EVENTS
+from kinetics.support import plots
 from kinetics.support.answer import CONFIDENCE, Answer, kind_of
 from kinetics.support.cli.options import (
     HEADING,
@@ -123,9 +130,6 @@ def passage(
     time is sampled at these rate constants, and the intervals show the number of runs alone.
     A network with too many states is truncated by --truncate, which gives bounds.
     """
-    from kinetics.markov.network_questions import chain_to
-    from kinetics.predicting import predict_passage
-
     began = time.process_time()
     model, rates, tank = given = described(asked)
     counted = model.counted(species)
@@ -153,8 +157,6 @@ def passage(
             progress("sensitivities")
             slopes = _sensitivities(replace(model, network=network), counted, copies, found)
     for plot_file in plot_files:
-        from kinetics.support import plots
-
         plots.save(plot_file, found.plot)
     if as_json:
         curve = np.linspace(0.0, float(found.quantile(0.99 * found.probability)), 101)
@@ -266,11 +268,6 @@ def _sample(
     as_json: bool,
 ) -> None:
     """First times of runs that end with the passage, at the posterior mean of each rate constant."""
-    from kinetics.network.laws.expression import quoted
-    from kinetics.runs import TruncatedRunsError
-    from kinetics.sampling import simulate
-    from kinetics.sampling.watch import MAX_EVENTS
-
     began = time.process_time()
     (runs, seed, horizon), unit = numbers, given[0].network.time_unit
     model = replace(applied(*given), observables={species: given[0].counted(species)})
@@ -287,8 +284,6 @@ def _sample(
                 f"truncated: {told.cause}; give a --horizon, at which runs end"
             ) from error
     for plot_file in plot_files:
-        from kinetics.support import plots
-
         plots.save(plot_file, found.plot)
     quantiles = {q: found.answer(q) for q in QUANTILES}
     if as_json:

@@ -12,7 +12,10 @@ from click.core import ParameterSource
 
 from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.models import conditions, described, instead_of_many_states, remarks, shown_of
+from kinetics.predicting import AskedAccuracy
+from kinetics.predicting import predict as make
 from kinetics.sampling.watch import MAX_EVENTS
+from kinetics.support import plots
 from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
     HEADING,
@@ -153,8 +156,6 @@ def predict(
     A run that would never end, because counts grow without limit or events are too quick, is truncated; figures are
     given for the times before, and a note says why. Exit code 4: there are fewer times than were asked for.
     """
-    from kinetics.predicting import predict as make
-
     asked_for = _accuracy(accuracy, accuracy_of)
     model, rates, tank = given = described(asked)
     if (with_elasticity or elasticity_files) and rates is None:
@@ -179,12 +180,8 @@ def predict(
     for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe().to_csv(index=False))
     for plot_file in plot_files:
-        from kinetics.support import plots
-
         plots.save(plot_file, made.plot)
     if found is not None:
-        from kinetics.support import plots
-
         for elasticity_file in elasticity_files:
             plots.save(elasticity_file, partial(found.plot, names=made.network.species))
     if as_json:
@@ -231,7 +228,6 @@ def _accuracy(size: str | None, of: str) -> AskedAccuracy | None:
         if of != "mean":
             raise ValueError(f"--accuracy-of {of}, but no --accuracy; say how small the error must be, as in 1%")
         return None
-    from kinetics.predicting import AskedAccuracy
 
     return AskedAccuracy.of_text(size, of)
 

@@ -11,6 +11,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kinetics.assembly import RuleBook, derive
+from kinetics.assembly.rules.writing import written
+from kinetics.predicting.ranking import ranking
+from kinetics.rates import ClassRates
+from kinetics.support import plots
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.failures import INTERRUPTED
 from kinetics.support.cli.options import (
@@ -146,9 +151,6 @@ def rank(
     solved exactly where the states are few enough, sampled otherwise. Books whose difference lies within the errors
     share a place.
     """
-    from kinetics.assembly.rules.writing import written
-    from kinetics.predicting.ranking import ranking
-
     with progress_line(budget=budget) as progress:
         loaded, notes = _books(books, time_limit, progress)
         rates = _rates(rates_name, rates_book, join, break_, loaded)
@@ -160,8 +162,6 @@ def rank(
     for csv_file in csv_files:
         write_whole(csv_file, made.to_dataframe().to_csv(index=False))
     for plot_file in plot_files:
-        from kinetics.support import plots
-
         plots.save(plot_file, made.plot)
     if as_json:
         echo_json({"rates": rates.as_dict(without={"evidence"}, none=False), **made.as_dict()})
@@ -175,8 +175,6 @@ def _books(
     names: Sequence[str], time_limit: float, progress: Callable[[str], None]
 ) -> tuple[list[RuleBook], list[str]]:
     """The books, those of a target compiled, and notes on these; files of one name are called by their paths."""
-    from kinetics.assembly import RuleBook
-
     loaded: list[tuple[str, RuleBook]] = []
     notes: list[str] = []
     for name in names:
@@ -229,8 +227,6 @@ def _compiled(name: str, time_limit: float, progress: Callable[[str], None]) -> 
 def _rates(
     name: str | None, of_book: str | None, join: float | None, break_: float | None, books: Sequence[RuleBook]
 ) -> ClassRates:
-    from kinetics.assembly import RuleBook, derive
-    from kinetics.rates import ClassRates
 
     if (name is None) == (join is None):
         raise ValueError("give the rates by either --rates table3 or --join 7e-5 --break 3e-5")

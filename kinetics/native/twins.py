@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.kernels.ensemble_work import Stop
 from kinetics.native.lanes import Lanes
 from kinetics.native.library import (
@@ -51,9 +52,9 @@ def direct(
 ) -> int:  # fmt: skip
     """Go on with many runs by the direct method, one by one: `direct.ensemble`."""
     if not is_built() or _has_program(stop):
-        from kinetics.kernels.direct import ensemble
-
-        return ensemble(model, changes, work, initial, grid, key, first_run, limits, out, most, stop, reached)
+        return kernels.direct.ensemble(
+            model, changes, work, initial, grid, key, first_run, limits, out, most, stop, reached
+        )
     start, times = given(initial, np.int64), given(grid, float)
     outcome: int = call(
         "direct", _model(model, changes), *work, start, times, times.size, given(key, np.uint64), first_run, limits,
@@ -68,10 +69,10 @@ def lockstep(
 ) -> None:  # fmt: skip
     """Go on with the same runs, 64 side by side: `lockstep.lockstep`."""
     if not is_built() or _has_program(stop):
-        from kinetics.kernels import lockstep as twin
-
-        work = twin.LockstepWork(**lanes.arrays)
-        twin.lockstep(model, changes, work, initial, grid, key, first_run, limits, out, is_odd, most, stop, reached)
+        work = kernels.lockstep.LockstepWork(**lanes.arrays)
+        kernels.lockstep.lockstep(
+            model, changes, work, initial, grid, key, first_run, limits, out, is_odd, most, stop, reached
+        )
         return
     start, times = given(initial, np.int64), given(grid, float)
     call(
@@ -124,9 +125,7 @@ def events(
 ) -> tuple[int, int]:  # fmt: skip
     """Run one trajectory on until `end`, or until the buffers of events are full: `direct.advance`."""
     if not is_built() or _has_program(stop):
-        from kinetics.kernels.direct import advance as twin
-
-        return twin(model, changes, counts, clock, end, stream, times, fired, stop)
+        return kernels.direct.advance(model, changes, counts, clock, end, stream, times, fired, stop)
     last, n_events = np.array([end], dtype=float), np.zeros(1, np.int64)
     outcome = call(
         "events", _model(model, changes), counts, clock, last, stream, times, fired, times.size, n_events, _table(stop)
@@ -139,9 +138,8 @@ def extend_range(counts: Ints, low: Ints, high: Ints) -> None:
     if is_built():
         call("extend_range", counts, len(counts), low.size, low, high)
         return
-    from kinetics.kernels import statistics
 
-    statistics.extend_range(counts, low, high)
+    kernels.statistics.extend_range(counts, low, high)
 
 
 def fit_bins(low: Ints, high: Ints, n_bins: int, shift: Ints, origin: Ints) -> None:
@@ -149,9 +147,8 @@ def fit_bins(low: Ints, high: Ints, n_bins: int, shift: Ints, origin: Ints) -> N
     if is_built():
         call("fit_bins", low, high, low.size, n_bins, shift, origin)
         return
-    from kinetics.kernels import statistics
 
-    statistics.fit_bins(low, high, n_bins, shift, origin)
+    kernels.statistics.fit_bins(low, high, n_bins, shift, origin)
 
 
 def rebin(histogram: Ints, shift: Ints, origin: Ints, new_shift: Ints, new_origin: Ints) -> None:
@@ -161,9 +158,8 @@ def rebin(histogram: Ints, shift: Ints, origin: Ints, new_shift: Ints, new_origi
         row = np.empty(n_bins, np.int64)
         call("rebin", histogram, shift.size, n_bins, shift, origin, new_shift, new_origin, row)
         return
-    from kinetics.kernels import statistics
 
-    statistics.rebin(histogram, shift, origin, new_shift, new_origin)
+    kernels.statistics.rebin(histogram, shift, origin, new_shift, new_origin)
 
 
 def tally(counts: Ints, shift: Ints, origin: Ints, histogram: Ints) -> None:
@@ -171,9 +167,8 @@ def tally(counts: Ints, shift: Ints, origin: Ints, histogram: Ints) -> None:
     if is_built():
         call("tally", counts, len(counts), shift.size, histogram.shape[2], shift, origin, histogram)
         return
-    from kinetics.kernels import statistics
 
-    statistics.tally(counts, shift, origin, histogram)
+    kernels.statistics.tally(counts, shift, origin, histogram)
 
 
 def add_products(counts: Ints, reference: Ints, first: Ints, second: Ints, sums: Ints, products: Ints) -> None:
@@ -186,12 +181,11 @@ def add_products(counts: Ints, reference: Ints, first: Ints, second: Ints, sums:
             sums, products, off,
         )  # fmt: skip
         return
-    from kinetics.kernels import statistics
 
     if np.array_equal(first, second):
-        statistics.add_squares(counts, reference, sums, products)
+        kernels.statistics.add_squares(counts, reference, sums, products)
     else:
-        statistics.add_products(counts, reference, first, second, sums, products)
+        kernels.statistics.add_products(counts, reference, first, second, sums, products)
 
 
 def tabulate(keys: Words, n: int, size: int) -> Ints:
@@ -200,17 +194,14 @@ def tabulate(keys: Words, n: int, size: int) -> Ints:
         slots = np.empty(size, np.int64)
         call("tabulate", keys, n, slots, size)
         return slots
-    from kinetics.kernels import exploration
 
-    return exploration.tabulate(keys, n, size)
+    return kernels.exploration.tabulate(keys, n, size)
 
 
 def find(asked: Ints, asked_keys: Words, states: Ints, keys: Words, table: Ints) -> Ints:
     """Rows (n,) of the states asked for; -1 where there is none: `exploration.find`."""
     if not is_built():
-        from kinetics.kernels import exploration
-
-        return exploration.find(asked, asked_keys, states, keys, table)
+        return kernels.exploration.find(asked, asked_keys, states, keys, table)
     rows = np.empty(len(asked), np.int64)
     space = filled(HashedStates, states, keys, table, keys.size, table.size, states.shape[1])
     call("find", given(asked, np.int64), given(asked_keys, np.uint64), len(asked), space, rows)
@@ -221,9 +212,7 @@ def insert(new: Ints, new_keys: Words, states: Ints, keys: Words, table: Ints, n
     """Add to the first n states those that are new, for which there is room; how many there are then:
     `exploration.insert`."""
     if not is_built():
-        from kinetics.kernels import exploration
-
-        return exploration.insert(new, new_keys, states, keys, table, n, rows)
+        return kernels.exploration.insert(new, new_keys, states, keys, table, n, rows)
     space = filled(HashedStates, states, keys, table, keys.size, table.size, states.shape[1])
     return int(call("insert", given(new, np.int64), given(new_keys, np.uint64), len(new), space, n, rows))
 
@@ -235,9 +224,7 @@ def explore(
 ) -> tuple[Ints, Words, Ints, int, int, int, int, Ints]:  # fmt: skip
     """Add to the first n states all to which those from `begin` on lead: `exploration.explore`."""
     if not is_built():
-        from kinetics.kernels import exploration
-
-        return exploration.explore(
+        return kernels.exploration.explore(
             needed, changes, key_changes, states, keys, table, n, begin, end, level_end, is_stopped, judged, verdicts,
             most,
         )  # fmt: skip
@@ -281,9 +268,7 @@ def neighbours(
 ) -> Ints:
     """Row (n, R) to which each channel leads from the states begin, begin + 1, ...: `exploration.neighbours`."""
     if not is_built():
-        from kinetics.kernels import exploration
-
-        return exploration.neighbours(begin, propensities, changes, key_changes, states, keys, table)
+        return kernels.exploration.neighbours(begin, propensities, changes, key_changes, states, keys, table)
     n, n_channels = propensities.shape
     ends = np.empty((n, n_channels), np.int64)
     space = filled(HashedStates, states, keys, table, keys.size, table.size, states.shape[1])
@@ -303,9 +288,8 @@ def advance(
         if moves is not None:
             call("advance", moves, some, out, out.size)
             continue
-        from kinetics.kernels import markov
 
-        markov.advance(begins, sources, shares, exits, some, out)
+        kernels.markov.advance(begins, sources, shares, exits, some, out)
 
 
 def mix(rows: Ints, weights: Floats, vectors: Floats, mixed: Floats) -> None:
@@ -316,9 +300,8 @@ def mix(rows: Ints, weights: Floats, vectors: Floats, mixed: Floats) -> None:
             some, by = places[part], factors[part]
             call("mix", some, by, some.size, by.shape[1], vectors, vectors.shape[1], mixed)
             continue
-        from kinetics.kernels import markov
 
-        markov.mix(places[part], factors[part], vectors, mixed)
+        kernels.markov.mix(places[part], factors[part], vectors, mixed)
 
 
 def absorb(
@@ -332,9 +315,8 @@ def absorb(
             out = absorbed[part], alive[part], flows[part]
             call("absorb", moves, vector, np.empty_like(vector), *out, out[0].size)
             continue
-        from kinetics.kernels import markov
 
-        markov.absorb(begins, sources, shares, exits, vector, absorbed[part], alive[part], flows[part])
+        kernels.markov.absorb(begins, sources, shares, exits, vector, absorbed[part], alive[part], flows[part])
 
 
 def backward_moves(begins: NDArray[np.uint32], targets: NDArray[np.uint32], shares: Floats, stays: Floats) -> Any:
@@ -353,9 +335,8 @@ def retreat(moves: Any, starts: Ints, chances: Floats, now: Floats, before: Floa
         if is_native:
             call("retreat", moves, first, weights, first.size, now, before, out, out.size)
             continue
-        from kinetics.kernels import markov
 
-        markov.retreat(*moves, first, weights, now, before, out)
+        kernels.markov.retreat(*moves, first, weights, now, before, out)
 
 
 def reduce(band: Floats, leaving: Floats, exits: Floats) -> int:
@@ -366,9 +347,8 @@ def reduce(band: Floats, leaving: Floats, exits: Floats) -> int:
         if is_built():
             changes += call("reduce_band", band, leaving, exits, begin, end, width)
             continue
-        from kinetics.kernels import elimination
 
-        changes += elimination.reduce(band, leaving, exits, begin, end)
+        changes += kernels.elimination.reduce(band, leaving, exits, begin, end)
     return changes
 
 
@@ -377,9 +357,8 @@ def solve(band: Floats, exits: Floats, x: Floats) -> None:
     if is_built():
         _divided(call("solve_band", band, exits, x, exits.size, band.shape[1] // 2))
         return
-    from kinetics.kernels import elimination
 
-    elimination.solve(band, exits, x)
+    kernels.elimination.solve(band, exits, x)
 
 
 def occupy(band: Floats, exits: Floats, x: Floats) -> None:
@@ -387,9 +366,8 @@ def occupy(band: Floats, exits: Floats, x: Floats) -> None:
     if is_built():
         _divided(call("occupy_band", band, exits, x, exits.size, band.shape[1] // 2))
         return
-    from kinetics.kernels import elimination
 
-    elimination.occupy(band, exits, x)
+    kernels.elimination.occupy(band, exits, x)
 
 
 def _divided(is_done: int) -> None:
@@ -402,9 +380,8 @@ def reach(begins: Ints, ends: Ints, queue: Ints, n_queued: int, is_found: NDArra
     if is_built():
         call("reach", begins, ends, queue, n_queued, is_found)
         return
-    from kinetics.kernels import exploration
 
-    exploration.reach(begins, ends, queue, n_queued, is_found)
+    kernels.exploration.reach(begins, ends, queue, n_queued, is_found)
 
 
 def take_off(
@@ -418,9 +395,10 @@ def take_off(
         name = "occupied" if is_occupation else "earned"
         call(name, from_, to, ways, ways.size, out, out.size, high, low, left, sizes)
         return
-    from kinetics.kernels import residuals
 
-    (residuals.occupied if is_occupation else residuals.earned)(rows, columns, rates, leaving, high, low, left, sizes)
+    (kernels.residuals.occupied if is_occupation else kernels.residuals.earned)(
+        rows, columns, rates, leaving, high, low, left, sizes
+    )
 
 
 def corrected(high: Floats, low: Floats, change: Floats) -> None:
@@ -428,6 +406,5 @@ def corrected(high: Floats, low: Floats, change: Floats) -> None:
     if is_built():
         call("corrected", high, low, given(change, float), high.size)
         return
-    from kinetics.kernels import residuals
 
-    residuals.corrected(high, low, change)
+    kernels.residuals.corrected(high, low, change)

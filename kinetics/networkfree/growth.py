@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from kinetics.assembly.faces import ROTATIONS, compose, scheme_of
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Placement, Structure
+from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
 from kinetics.support.packages import pd
 from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, on_axes, over_time
@@ -332,8 +333,6 @@ class Growths(Shown):
         Shown are the classes of sizes and the target or, where growth starts from one seed, the size of the largest
         structure.
         """
-        from kinetics.support import plots
-
         shown = self.series(times)
         largest = shown.pop("largest")
         target = shown.pop("target", None)

@@ -20,6 +20,7 @@ from kinetics.sampling import Auto, SamplingMethod
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.streamed import streamed
 from kinetics.sampling.watch import MAX_EVENTS
+from kinetics.support import plots
 from kinetics.support.arrays import Counts, Floats, real_number, some_times
 from kinetics.support.datasets import dataset
 from kinetics.support.packages import pd
@@ -128,8 +129,6 @@ class Prediction(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, bands of the middle 95 % of runs, and the interval of the mean (dashed); returns `ax`."""
-        from kinetics.support import plots
-
         self.result.plot(ax)
         if self.low is not None and self.high is not None:
             plots.intervals(ax, self.times, self.low, self.high)

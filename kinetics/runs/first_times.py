@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.runs.truncation import Truncation
+from kinetics.support import plots
 from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import binomial_limits, student_interval
@@ -196,8 +197,6 @@ class FirstTimes(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the survival curve with its pointwise 95 % band; returns `ax`."""
-        from kinetics.support import plots
-
         curve = self.survival()
         last = self.horizon if np.isfinite(self.horizon) and self.censored else curve.times[-1]
         ended = Survival(np.append(curve.times, last), *(np.append(part, part[-1]) for part in curve[1:]))

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network, Tank
 from kinetics.runs.truncation import Truncation
+from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, integers, read_only, real_number, reals, rising_times
 from kinetics.support.datasets import dataset
 from kinetics.support.packages import pd
@@ -218,8 +219,6 @@ class JumpPath(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Counts of every species against time, as steps; returns `ax`."""
-        from kinetics.support import plots
-
         times = np.concatenate([[0.0], self.times, [self.end]])
         return plots.steps(
             ax, times, np.vstack([self.states, self.states[-1:]]), self.network.species, self.network.time_unit
@@ -367,7 +366,5 @@ class Ensemble(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, with bands of the middle 95 % of the runs; returns `ax`."""
-        from kinetics.support import plots
-
         low, high = self.quantile(0.025), self.quantile(0.975)
         return plots.bands(ax, self.times, self.mean(), low, high, self.network.species, self.network.time_unit)

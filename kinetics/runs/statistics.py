@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kinetics import kernels
 from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.runs.truncation import Truncation
+from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
 from kinetics.support.datasets import dataset
 from kinetics.support.intervals import binomial_limits
@@ -207,8 +209,6 @@ class EnsembleStatistics(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, with bands of the middle 95 % of the runs; returns `ax`."""
-        from kinetics.support import plots
-
         low, high = self.quantile(0.025), self.quantile(0.975)
         return plots.bands(ax, self.times, self.mean(), low, high, self.network.species, self.network.time_unit)
 
@@ -251,8 +251,6 @@ class Marginal(Shown):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Shares with their intervals; returns `ax`."""
-        from kinetics.support import plots
-
         middle = self.first + (self.width - 1) / 2
         spread = [np.maximum(self.share - self.low, 0.0), np.maximum(self.high - self.share, 0.0)]
         ax.errorbar(
@@ -366,11 +364,9 @@ class Tally:
 
     def add_statistics(self, other: EnsembleStatistics) -> None:
         """Add runs whose statistics are known."""
-        from kinetics.kernels import statistics
-
         self.low, self.high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
         self._widen()
-        statistics.pour(other.histogram, other.shift, other.origin, self.histogram, self.shift, self.origin)
+        kernels.statistics.pour(other.histogram, other.shift, other.origin, self.histogram, self.shift, self.origin)
         self.sums += other.sums
         self.products += other.products
         self.runs += other.runs

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.kernels import outcomes
 from kinetics.network import Network
 from kinetics.network.laws.graph import Code
@@ -18,9 +19,6 @@ from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.packages import sparse
 
-if TYPE_CHECKING:
-    from kinetics.kernels import general
-
 MOST_WAITING = 1000  # delayed events of one run at a time
 
 
@@ -28,10 +26,9 @@ class GeneralSampler(StepwiseSampler):
     """Runs of `kernels.general`; what goes wrong is reported with channel or event, counts and time."""
 
     def __init__(self, network: Network) -> None:
-        from kinetics.kernels.blocks import BLOCK
 
         self.network = network
-        self.n_blocks = -(-len(network.channels) // BLOCK)
+        self.n_blocks = -(-len(network.channels) // kernels.blocks.BLOCK)
         self.events = sorted(network.events, key=lambda event: -event.priority)
         self.model, self.deepest = self._model()
         super().__init__(lambda _: self._begin(), self._advance, np.arange(len(network.channels)))
@@ -45,14 +42,13 @@ class GeneralSampler(StepwiseSampler):
             )
         return super().path(initial, end, key, run, watch)
 
-    def _begin(self) -> general.GeneralWork:
-        from kinetics.kernels import general
+    def _begin(self) -> kernels.general.GeneralWork:
 
         n_programs = self.model.programs.starts.size - 1
         n_entries = MOST_WAITING if self.events else 0
         results, lows, highs = np.zeros((3, n_programs))
         sums, caps, upto = np.zeros((3, self.n_blocks))
-        return general.GeneralWork(
+        return kernels.general.GeneralWork(
             results,
             lows,
             highs,
@@ -69,10 +65,9 @@ class GeneralSampler(StepwiseSampler):
             np.zeros(3, dtype=np.int64),
         )
 
-    def _advance(self, work: general.GeneralWork, counts: Ints, seen: Ints, clock: Floats, *rest: Any) -> int:
-        from kinetics.kernels import general
+    def _advance(self, work: kernels.general.GeneralWork, counts: Ints, seen: Ints, clock: Floats, *rest: Any) -> int:
 
-        outcome = general.advance(self.model, work, counts, seen, clock, *rest)
+        outcome = kernels.general.advance(self.model, work, counts, seen, clock, *rest)
         if outcome <= outcomes.OVERFLOW or outcome == outcomes.STOPPED:
             return outcome
         about, state, t = int(work.notes[1]), counts[:-1], float(clock[0])
@@ -112,10 +107,8 @@ class GeneralSampler(StepwiseSampler):
             )
         raise ValueError(self.network.channel_laws[channel].refusal(state, t))
 
-    def _model(self) -> tuple[general.GeneralModel, int]:
+    def _model(self) -> tuple[kernels.general.GeneralModel, int]:
         """The network as the kernel reads it, and the deepest stack of its programs."""
-        from kinetics.kernels import general, programs
-
         network = self.network
         places = {name: s for s, name in enumerate(network.species)}
         channels = channel_programs(network)
@@ -124,7 +117,7 @@ class GeneralSampler(StepwiseSampler):
         delays = [steps_of(event.waits, places) for event in self.events]
         all_programs = [*channels, *conditions, *new_counts, *delays]
         steps = [step for program in all_programs for step in program]
-        table = programs.Programs(
+        table = kernels.programs.Programs(
             np.array([step.code for step in steps], dtype=np.int32),
             np.array([step.operand for step in steps], dtype=np.int32),
             np.array([step.number for step in steps]),
@@ -138,7 +131,7 @@ class GeneralSampler(StepwiseSampler):
         starts, readers = changed_readers(network, [(steady[p], s) for p, s in read])
         timed_programs = [program for program, timed in zip(channels, is_timed, strict=True) if timed]
         change = network.sparse_stoichiometry
-        model = general.GeneralModel(
+        model = kernels.general.GeneralModel(
             table,
             change.starts,
             change.columns,

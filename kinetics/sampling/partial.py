@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from kinetics import kernels
 from kinetics.network import Network
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.mass_action import mass_action
 from kinetics.sampling.stepwise import StepwiseSampler
 from kinetics.support.arrays import Ints
-
-if TYPE_CHECKING:
-    from kinetics.kernels import partial
 
 
 @dataclass(frozen=True)
@@ -45,37 +43,33 @@ class PartialPropensities(SamplingMethod):
 
     def prepared(self, network: Network) -> StepwiseSampler:
         """The network made ready for `kernels.partial`."""
-        from kinetics.kernels import partial
-
         model, order = model_of(network)
         n_species, width = model.couplings.shape
 
-        def begin(counts: Ints) -> partial.PartialWork:
+        def begin(counts: Ints) -> kernels.partial.PartialWork:
             copies = np.zeros(2 * width)
             copies[: n_species + 1] = counts[model.species]
             copies[width:] = np.where(copies[:width] >= 2, copies[:width] - model.less, 0.0)
-            blocks = width // partial.BLOCK
-            work = partial.PartialWork(
+            blocks = width // kernels.partial.BLOCK
+            work = kernels.partial.PartialWork(
                 copies,
                 np.empty(width),
                 np.empty(width),
                 np.empty(blocks),
-                np.empty(blocks // partial.BLOCK),
+                np.empty(blocks // kernels.partial.BLOCK),
                 np.zeros(1, dtype=np.int64),
             )
-            partial.refresh(model, work)
+            kernels.partial.refresh(model, work)
             return work
 
-        def advance(work: partial.PartialWork, *rest: object) -> int:
-            return partial.advance(model, work, *rest)
+        def advance(work: kernels.partial.PartialWork, *rest: object) -> int:
+            return kernels.partial.advance(model, work, *rest)
 
         return StepwiseSampler(begin, advance, order)
 
 
-def model_of(network: Network) -> tuple[partial.PartialModel, Ints]:
+def model_of(network: Network) -> tuple[kernels.partial.PartialModel, Ints]:
     """What the kernel reads, and the network's channels in the order of the kernel's."""
-    from kinetics.kernels import partial
-
     needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels, n_species = needed.shape
     laws = mass_action(network)
@@ -90,7 +84,7 @@ def model_of(network: Network) -> tuple[partial.PartialModel, Ints]:
     owner = np.minimum(number[first[:, 0]], number[second[:, 0]])
     partner = np.maximum(number[first[:, 0]], number[second[:, 0]])
 
-    width = -(-(n_species + 1) // partial.BLOCK**2) * partial.BLOCK**2
+    width = -(-(n_species + 1) // kernels.partial.BLOCK**2) * kernels.partial.BLOCK**2
     couplings = np.zeros((n_species, width))
     np.add.at(couplings, (partner[is_pair], owner[is_pair]), coefficients[is_pair])
     is_coupled = couplings != 0
@@ -102,7 +96,7 @@ def model_of(network: Network) -> tuple[partial.PartialModel, Ints]:
 
     order = np.argsort(owner, kind="stable")
     changed_by, entries = change.entries_of(order)
-    return partial.PartialModel(
+    return kernels.partial.PartialModel(
         couplings,
         reach,
         np.bincount(owner[is_alone], coefficients[is_alone], width).astype(float),  # of none, whole numbers

@@ -17,6 +17,7 @@ def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[st
 
     Its source declares them once, in the form by which type checkers see that they are public: every `from module
     import name as name`, below `if TYPE_CHECKING` or made at once. They and its version are its `__all__`.
+    What a package imports of itself are modules.
     """
 
     @cache
@@ -31,7 +32,12 @@ def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[st
             return public()
         if name not in homes():
             raise AttributeError(f"module {package!r} has no attribute {name!r}; {_hint(name, package, public())}")
-        return getattr(importlib.import_module(homes()[name]), name)
+        home = homes()[name]
+        return (
+            importlib.import_module(f"{home}.{name}")
+            if home == package
+            else getattr(importlib.import_module(home), name)
+        )
 
     return find, public
 

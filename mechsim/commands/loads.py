@@ -7,6 +7,9 @@ from pathlib import Path
 import click
 
 from kinetics.support.cli.options import echo_json, json_option, picture_of
+from kinetics.support.plots import save
+from mechsim.inspection.poses import record_at
+from mechsim.runs.store import RunStore
 
 
 @click.command()
@@ -37,9 +40,7 @@ def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot_files: tupl
     run's own tank; where tanks of different size or number of cubes disagree on a rate of hits, the command says so.
     Runs without a log, or stopped by the guard, are left out. The command draws no random numbers.
     """
-    from mechsim.inspection.poses import record_at
     from mechsim.inspection.tail_extrapolation.report import extrapolate, plot_tails
-    from mechsim.runs.store import RunStore
 
     files = []
     for name in map(Path, runs):
@@ -53,8 +54,6 @@ def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot_files: tupl
         )
     found = extrapolate(logged, thresholds)
     for plot_file in plot_files:
-        from kinetics.support.plots import save
-
         save(plot_file, lambda ax: plot_tails(ax, found))
     if as_json:
         echo_json(found.as_dict() | {"left_out": len(records) - len(logged)})

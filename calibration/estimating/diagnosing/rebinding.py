@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from calibration import plots
 from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
 from calibration.estimating.diagnosing.diagnosed_runs import Clocked, DiagnosedRuns
 from kinetics.network import Network
@@ -232,6 +233,5 @@ def _rows_after(clocked: Clocked, row: int, window: float) -> slice:
 
 
 def _draw(ax: Axes, channel: str, seen: int, expected: float) -> Axes:
-    from calibration import plots
 
     return plots.seen_and_expected(ax, channel, seen, expected)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calibration import plots
 from calibration.estimating.diagnosing.conditional import spacing_test
 from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from kinetics.support.arrays import Floats
@@ -75,14 +76,10 @@ class WaitingTimes:
     @on_axes
     def plot(self, ax: Axes) -> Axes:
         """Plot the survival of the residuals beside the unit exponential with its 95 % envelope; returns `ax`."""
-        from calibration import plots
-
         return plots.waiting_times(ax, self.name, self.residuals)
 
     def plot_drift(self, ax: Axes) -> Axes:
         """Plot the share of events against the share of integrated hazard; returns `ax`."""
-        from calibration import plots
-
         return plots.drift(ax, self.name, self.positions / self.total)
 
 

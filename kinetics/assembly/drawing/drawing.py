@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.support import plots
 from kinetics.support.arrays import Floats
 from kinetics.support.packages import mpl
 
@@ -157,8 +158,6 @@ class Drawing:
 
     def save(self, path: str) -> None:
         """Write it in its own size as PNG, PDF or SVG; the same drawing gives the same bytes."""
-        from kinetics.support import plots
-
         plots.save(path, self.onto, self.size, PRINT_DPI)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.markov.passage.certified import Equations
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import RATE_ERROR, totals
@@ -83,10 +84,8 @@ class Elimination(Equations):
 
     def stationary(self) -> Floats:
         """Probabilities (n,) that do not change, of an irreducible chain that nothing leaves."""
-        from kinetics.kernels import elimination
-
         x = np.empty(self._order.size)
-        elimination.balance(self._band, x)
+        kernels.elimination.balance(self._band, x)
         return self._back(x / x.sum())
 
     def at_most(self, weights: Floats, like: Floats, is_occupation: bool = False) -> Floats:  # noqa: ARG002

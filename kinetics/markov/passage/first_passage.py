@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from kinetics.markov.passage.arrival import Arrival
 from kinetics.markov.passage.until import UNDERFLOW
 from kinetics.markov.transient.transitions import Transitions
+from kinetics.support import plots
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Floats, reals
 from kinetics.support.packages import pd
@@ -228,8 +229,6 @@ class Passage(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the distribution function up to the 99 % quantile, and the mean; returns `ax`."""
-        from kinetics.support import plots
-
         times = self._drawn_at
         return plots.passage(ax, times, self.cdf(times), self.mean, self.target, self.time_unit)
 

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.markov.passage.certified import BoundedSolution, Equations, leaving_rates
 from kinetics.markov.passage.elimination import MAX_FACTORED, Elimination, SparseFactors, TooLargeError, work_of
 from kinetics.markov.passage.equations import equations, is_easy
@@ -16,6 +17,7 @@ from kinetics.markov.passage.until import UNDERFLOW
 from kinetics.markov.transient import StateSpace, Transitions
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import totals
+from kinetics.support import plots
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Counts, Floats, read_only
 from kinetics.support.packages import pd, sparse
@@ -118,8 +120,6 @@ class Stationary(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any, species: str | None = None) -> Any:
         """Plot the distribution of the copies of one species, or of each, as steps; returns `ax`."""
-        from kinetics.support import plots
-
         names = self._space.network.species if species is None else (species,)
         for name in names:
             shares = self.marginal(name)
@@ -254,13 +254,10 @@ def _by_iteration(chain: Transitions) -> tuple[Floats, float]:
 
 def _guessed(chain: Transitions) -> Floats:
     """About the probabilities (N,), times some number."""
-
-    from kinetics.kernels import balance
-
     table: Any = sparse.csr_array((chain.rates, (chain.rows, chain.columns)), shape=(chain.size, chain.size))
     table.sum_duplicates()
     logs = np.empty(chain.size)
-    balance.balanced(table.indptr, table.indices, table.data, chain.exits, logs)
+    kernels.balance.balanced(table.indptr, table.indices, table.data, chain.exits, logs)
     return np.exp(np.maximum(logs - logs.max(), LOWEST))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from kinetics.markov.transient.states import StateSpace
 from kinetics.network import Network
+from kinetics.support import plots
 from kinetics.support.arrays import Counts, Floats, read_only
 from kinetics.support.datasets import dataset
 from kinetics.support.packages import pd
@@ -175,7 +176,5 @@ class Distribution(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, with bands of the middle 95 % of the probability; returns `ax`."""
-        from kinetics.support import plots
-
         low, high = self.quantile(0.025), self.quantile(0.975)
         return plots.bands(ax, self.times, self.mean(), low, high, self.network.species, self.network.time_unit)

@@ -21,6 +21,7 @@ from kinetics.predicting.ranking.ranked_book import (
 )
 from kinetics.predicting.ranking.yield_and_first_time import MAX_STATES
 from kinetics.rates import ClassRates
+from kinetics.support import plots
 from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import whole_number
 from kinetics.support.cli.progress import stage
@@ -196,8 +197,6 @@ class Ranking(Shown, Tabular):
 
         The first eight have a colour and a name each; the others are grey.
         """
-        from kinetics.support import plots
-
         shown = min(len(self.books), len(plots.COLOURS))
         for number, candidate in enumerate(self.books):
             spans = {measure: _span(candidate, measure) for measure in MEASURES}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kinetics.predicting.scanning.pictures import draw_scan, size_of
 from kinetics.support.answer import CONFIDENCE, ESTIMATE, NONE, PROVEN, Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.datasets import dataset
@@ -153,8 +154,6 @@ class Scan(Shown, Tabular):
 
         figure : Matplotlib's, to be drawn into; a new one where none is given. Returns it.
         """
-        from kinetics.predicting.scanning.pictures import draw_scan, size_of
-
         if figure is None:
             figure = plt.figure(figsize=size_of(self), layout="constrained")
         draw_scan(figure, self)

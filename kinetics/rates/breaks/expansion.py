@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.network import Network, Tank
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.rates.breaks.base import ALONE, WALL, BreakModel
+from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints
 
 if TYPE_CHECKING:
@@ -150,8 +151,6 @@ class Expansion:
 
     def on_base(self, path: JumpPath) -> JumpPath:
         """A path of the expanded network as a path of the base, which keeps who broke what as `partners`."""
-        from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
-
         channels = np.where(path.channels == RESTART, RESTART, np.append(self.base_of, RESTART)[path.channels])
         is_open = np.zeros(len(self.base.channels), dtype=bool)
         np.logical_or.at(is_open, self.base_of, path.open_channels)

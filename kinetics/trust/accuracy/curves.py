@@ -16,6 +16,9 @@ from typing import NamedTuple, TypeVar
 
 from kinetics.markov.transient import SOLVING_METHODS, Distribution, SolvingMethod
 from kinetics.network import Model, Network
+from kinetics.predicting.accuracy import AskedAccuracy
+from kinetics.predicting.adaptive import adaptive_prediction
+from kinetics.predicting.job import Job
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Direct, Leaping, Lockstep, SamplingMethod, simulate_statistics
 from kinetics.support.arrays import Floats, Ints
@@ -111,10 +114,6 @@ def solver_curve(method: type[SolvingMethod]) -> Curve:
 
 def asked(task: Task, setting: float, _: int) -> Result:
     """What `predict` answers where this share of the largest mean of each species is asked for, by its own choice."""
-    from kinetics.predicting.accuracy import AskedAccuracy
-    from kinetics.predicting.adaptive import adaptive_prediction
-    from kinetics.predicting.job import Job
-
     job = Job(Model(task.network, task.initial), task.times, seed=task.seed, threads=1)
     return _whole(adaptive_prediction(job, AskedAccuracy(setting, is_relative=True)).result)
 
