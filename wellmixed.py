@@ -53,7 +53,7 @@ from kinetics.support.interrupts import was_interrupted  # noqa: E402
 # words -> (module, attribute, the line that `--help` shows), in the order of `--help`
 COMMANDS = {
     "demo": ("calibration.commands.demo", "demo", "Simulate, calibrate, predict and validate, with a report."),
-    "new": ("calibration.commands.new", "new", "Make the folder of a study: rules, scene and plan for a shape."),
+    "new": ("calibration.commands.new", "new", "Create the folder of a study: rules, scene and plan for a shape."),
     "simulate": (
         "mechsim.commands.simulate",
         "simulate",
@@ -66,7 +66,7 @@ COMMANDS = {
         "Compare predictions with mechanics runs held out of the fit.",
     ),
     "predict": ("kinetics.commands.predict", "predict", "Predict the counts of all species over time."),
-    "ask": ("kinetics.commands.ask", "ask", "Answer exact questions about a Markov chain, with limits."),
+    "ask": ("kinetics.commands.ask", "ask", "Answer questions about a Markov chain, with bounds."),
     "passage": ("kinetics.commands.passage", "passage", "Solve for the first-passage time to copies of a species."),
     "scan": ("kinetics.commands.scan", "scan", "Answer questions over a grid of parameters, rates and counts."),
     "rules check": ("kinetics.commands.check", "check", "Verify a rule book by exhausting everything it can assemble."),
@@ -184,7 +184,8 @@ def _tell(message, *_, **__) -> None:
     "--config",
     "options_file",
     metavar="FILE",
-    help="Take options that the command line leaves open from this TOML file, a table a command: [predict] runs = 500.",
+    help="Read options from this TOML file, one table per command: [predict] runs = 500. The command line overrides "
+    "it.",
 )
 @click.pass_context
 def main(ctx: click.Context, debug: bool, quiet: bool, options_file: str | None) -> None:

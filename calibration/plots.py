@@ -233,7 +233,7 @@ def first_times(
     label, times, curve = predicted
     ax.plot(times, curve, color=colour, label=label)
     ax.fill_between(moments, low, high, step="post", color=OBSERVED, alpha=0.2, linewidth=0)
-    ax.step(moments, reached / n, where="post", color=OBSERVED, label=f"mechanics, {n} runs, 95 % limits")
+    ax.step(moments, reached / n, where="post", color=OBSERVED, label=f"mechanics, {n} runs, 95 % intervals")
     if seen.size == n:  # the curve is flat from the last one on
         ax.set_xlim(0, min(horizon, 1.5 * max(seen[-1], predicted_mean)))
     ax.set_ylim(0, 1)

@@ -124,9 +124,7 @@ class Scene(Settings):
             what = effect.provides or effect.effect
             rival = listed.setdefault(what, effect.effect)
             if rival != effect.effect:
-                raise ValueError(
-                    f"effects {rival!r} and {effect.effect!r} contradict each other: both are the {what}; keep one"
-                )
+                raise ValueError(f"effects {rival!r} and {effect.effect!r} conflict: both are the {what}; keep one")
         checked: tuple[Effect, ...] = self.effects
         for effect in checked:
             effect.check(self)

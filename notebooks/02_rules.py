@@ -12,16 +12,16 @@
 # ---
 
 # %% [markdown]
-# # Rules: written, checked, compiled, chosen
+# # Rules: written, checked, compiled, ranked
 #
-# A rule book says which cubes may stick together, and how their letters (their states) change as they do. The same
-# book drives the mechanics and gives the reaction network, so it is worth being sure of it. This notebook
+# A rule book says which cubes may bond, and how their letters (their states) change when they do. The same book drives
+# the mechanics and gives the reaction network, so it must be correct. This notebook
 #
 # 1. reads a book and draws what it does;
 # 2. **checks** it: is it closed, does everything lead to the target, can the tank get stuck?
 # 3. shows what is wrong with the tables **as printed**;
 # 4. **compiles** a book from nothing but a target shape;
-# 5. **chooses** between correct books by how fast, and how completely, their tanks assemble;
+# 5. **ranks** correct books by how fast, and how completely, their tanks assemble;
 # 6. grows a structure whose network is too large to write down, and the 45 cubes of a pyramid from a seed.
 
 # %%
@@ -42,8 +42,8 @@ plt.rcParams.update({"figure.constrained_layout.use": True, "font.size": 9})
 # %% [markdown]
 # ## 1. A book and its network
 #
-# The T of five cubes: a bar of three, and a stem of two on the bar's middle cube. Cubes tell top and bottom (f1)
-# from their four sides (f2), and read the letters of the cubes that they are bonded to.
+# The T of five cubes: a bar of three, and a stem of two on the bar's middle cube. Cubes distinguish top and bottom (f1)
+# from their four sides (f2), and read the letters of the cubes to which they are bonded.
 
 # %%
 book = RuleBook.load("t5")
@@ -51,8 +51,9 @@ fig, ax = plt.subplots(figsize=(7, 4))
 book.plot(ax)
 
 # %% [markdown]
-# `derive` tries every way to join any two structures, and to break any bond, until nothing new comes. What it finds
-# is therefore all there is: nine structures, each a part of the T. The numbers are the ways $N$ that geometry gives.
+# `derive` tries every way to join any two structures, and to break any bond, until nothing new appears. The list is
+# therefore complete: nine structures, each a part of the T. The numbers are the multiplicities $N$, counted from
+# geometry.
 
 # %%
 derivation = derive(book)
@@ -61,8 +62,8 @@ derivation.plot(ax)
 derivation.is_closed, derivation.network
 
 # %% [markdown]
-# Channels that join (or part) the same faces of structures of the same sizes share one rate constant. These classes
-# are what a calibration has to measure, and what carries over to another book.
+# Channels that join (or break) the same faces of structures of the same sizes share one rate constant. These classes
+# are what a calibration has to measure, and they apply to other books, too.
 
 # %%
 [str(rate_class) for rate_class in derivation.rate_classes]
@@ -70,8 +71,8 @@ derivation.is_closed, derivation.network
 # %% [markdown]
 # ## 2. Checked
 #
-# The checker exhausts the book, also with internal rules that are slower than the next collision. For the T it finds
-# nothing. The line of four is right as long as its internal rule is quick, and the checker says so.
+# The checker explores the book exhaustively, also with internal rules that are slower than the next collision. For the
+# T it finds no fault. The line of four is correct as long as its internal rule is fast, and the checker says so.
 
 # %%
 print(check(book))
@@ -80,8 +81,8 @@ print(check(RuleBook.load("line4")))
 # %% [markdown]
 # ## 3. As printed
 #
-# Read in the way that does best, the paper's Table I still lets two trimers join: P2 does not ask whom the cube is
-# bonded to. Each finding comes with the shortest way there.
+# Even in its most favourable reading, the paper's Table I lets two trimers join: P2 does not check to which cube the
+# cube is bonded. Each finding comes with the shortest path to it.
 
 # %%
 report = check(RuleBook.load("line4_as_printed"), max_cubes=6)
@@ -92,9 +93,9 @@ report.findings[0].plot(ax)
 # %% [markdown]
 # ## 4. Compiled
 #
-# The paper leaves an algorithm that makes rules from a shape to the future. For small shapes the compiler searches
-# all labellings with few letters, and proves each book that it returns by exhausting it. The paper's T takes four
-# letters (and has no rules for breaking); two are enough, with breaking, if a bar meets a dimer.
+# The paper leaves the synthesis of rules from a shape to future work. For small shapes the compiler searches all
+# labellings with few letters, and verifies each book that it returns by exhaustive exploration. The paper's T takes
+# four letters (and has no rules for breaking); two are enough, with breaking, if a bar bonds with a dimer.
 
 # %%
 compiled = compile_book(Target.load("t5"))
@@ -104,8 +105,8 @@ fig, ax = plt.subplots(figsize=(7, 4))
 compiled.book.plot(ax)
 
 # %% [markdown]
-# What cubes can sense decides what they can build. A plate of two by two needs to tell more than the face and the
-# letter before it; asked for it with less, the compiler says which two situations look the same.
+# What cubes can sense decides what they can build. For a plate of two by two a cube must sense more than the face and
+# the letter opposite; with less, the compiler says which two situations look the same.
 
 # %%
 plate = Target.load("plate2x2")
@@ -117,11 +118,11 @@ except InfeasibleError as error:
     print(error)
 
 # %% [markdown]
-# ## 5. Chosen by kinetics
+# ## 5. Ranked by kinetics
 #
-# All of these books are correct: each builds its target and nothing else. They differ in the joins they allow. For
-# the T, a bar that meets a dimer does better than the paper's pathway; allowing every join ruins the yield, because
-# cubes then get stuck in half-made Ts that no longer fit together. The rates are alike for all faces here.
+# All of these books are correct: each builds its target and nothing else. They differ in the joins they allow. For the
+# T, joining a bar with a dimer does better than the paper's pathway; allowing every join ruins the yield, because cubes
+# then get stuck in incomplete Ts that no longer fit together. Here all faces have the same rates.
 
 # %%
 books = [RuleBook.load(name) for name in ("t5", "t5_bar", "t5_all")]
@@ -131,10 +132,11 @@ fig, ax = plt.subplots(figsize=(5, 3.5))
 choice.plot(ax)
 
 # %% [markdown]
-# ## 6. Past what can be listed
+# ## 6. Beyond what can be enumerated
 #
-# Cubes that stick at every face make 166 structures of six cubes and 1,023 of seven: no network of sixty can be
-# written down. The same rules run without one: faces meet at random, and what the rules refuse does not happen.
+# Cubes that stick at every face make 166 structures of six cubes and 1,023 of seven: the network of sixty cubes cannot
+# be enumerated. The same rules run without a network: faces meet at random, and joins that the rules refuse do not
+# happen.
 
 # %%
 sticky = RuleBook(
@@ -149,8 +151,8 @@ fig, ax = plt.subplots(figsize=(6, 3.5))
 tank.plot(ax, np.linspace(0, 400, 101))
 
 # %% [markdown]
-# The pyramid of 45 cubes is grown from a seed. Its rules let only one stage be under way at a time; a wave of
-# letters tells the seed that a layer is complete.
+# The pyramid of 45 cubes is grown from a seed. Its rules allow only one stage at a time; a wave of state updates tells
+# the seed that a layer is complete.
 
 # %%
 pyramid = RuleBook.load("pyramid45")

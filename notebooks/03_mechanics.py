@@ -12,14 +12,14 @@
 # ---
 
 # %% [markdown]
-# # Mechanics: only what a scene lists, and what accuracy costs
+# # Mechanics: scenes, effects, and what accuracy costs
 #
-# A scene is a list of effects. What is not listed is not built. This notebook
+# A scene is a list of effects; nothing else is simulated. This notebook
 #
-# 1. reads a scene, leaves effects out and puts others in;
+# 1. reads a scene, removes effects and adds others;
 # 2. looks at a run;
 # 3. compares three kinds of agitation, and buoyancy, in short runs;
-# 4. shows what accuracy costs: error against CPU time, as measured once (`results/accuracy`);
+# 4. shows what accuracy costs: error against CPU time, from stored measurements (`results/accuracy`);
 # 5. shows section V of the paper, run again (`results/section5`).
 #
 # Runs here are short, so that the notebook takes seconds; the stored studies took minutes to hours.
@@ -57,7 +57,7 @@ pd.DataFrame(
 )
 
 # %% [markdown]
-# Any effect can be left out, and any setting changed; what contradicts itself is refused, with the reason.
+# Any effect can be left out, and any setting changed; a contradictory scene is refused, with the reason.
 
 # %%
 free = scene.without("bonding", "breaking")
@@ -69,7 +69,7 @@ except ValueError as error:
 # %% [markdown]
 # ## 2. A run
 #
-# The same seed gives the same run, bit for bit, for any number of workers. Poses are recorded where they are asked for.
+# The same seed gives the same run, bit for bit, for any number of workers. Poses are recorded on request.
 
 # %%
 eager = scene.changed("bonding", latch={"kind": "encounter", "probability": 1.0})
@@ -85,8 +85,8 @@ _ = draw_strip(poses, plt.figure(figsize=(10, 3)), poses.spread(5))
 # %% [markdown]
 # ## 3. Effects
 #
-# The same 30 cubes under the paper's agitation (held for a time), under one that is correlated in time
-# (Ornstein-Uhlenbeck), and in a field that carries neighbours along together. Speeds are taken from poses 0.1 tu apart.
+# The same 30 cubes under the paper's agitation (held for a time), under agitation that is correlated in time
+# (Ornstein-Uhlenbeck), and in a flow field that moves neighbours together. Speeds are computed from poses 0.1 tu apart.
 
 # %%
 tanks = {}
@@ -116,7 +116,7 @@ right.set(xlabel="distance of two cubes (length)", ylabel="correlation of their 
 right.axhline(0, color="grey", lw=0.8)
 left.legend(frameon=False)
 # %% [markdown]
-# Cubes that are not neutral rise or sink: one more effect in the list.
+# Cubes that are not neutrally buoyant rise or sink: one more effect in the list.
 
 # %%
 described = free.as_dict()
@@ -130,14 +130,14 @@ ax.set(xlabel="time (tu)", ylabel="mean height (length)")
 # %% [markdown]
 # ## 4. What accuracy costs
 #
-# `wellmixed trust accuracy mechanics line4` compares every numerical knob with a fine reference, beside its cost. The
-# model's own settings have a panel of their own: they are no error, and they matter more.
+# `wellmixed trust accuracy mechanics line4` compares every numerical setting with a fine reference, together with its
+# cost. The settings of the model have their own panel: they are not errors, and they matter more.
 
 # %%
 SVG(filename=str(results / "accuracy" / "line4.svg"))
 
 # %% [markdown]
-# The settings worth a name are presets; each says what to expect before it runs.
+# Recommended settings are presets; each states its expected error and cost before it runs.
 
 # %%
 for name in ("draft", "standard", "reference"):
@@ -146,8 +146,8 @@ for name in ("draft", "standard", "reference"):
 # %% [markdown]
 # ## 5. Section V, run again
 #
-# Time to the first T of five cubes against the number of cubes. The paper has it fall as 1/N; here it falls faster,
-# and so it does in the Markov chain.
+# Time to the first T of five cubes against the number of cubes. In the paper it falls as 1/N; here it falls faster, as
+# it does in the Markov chain.
 
 # %%
 pd.read_csv(results / "section5" / "number_points.csv")

@@ -12,16 +12,16 @@
 # ---
 
 # %% [markdown]
-# # Chains: any Markov chain, and answers with limits
+# # Chains: any Markov chain, and answers with bounds
 #
-# A network is one way to a Markov chain in continuous time. Here the chains come from elsewhere: a matrix of rates, a
-# file of another program. Every answer has a lower and an upper limit, and says whether these are proven. This notebook
+# A network is one source of a continuous-time Markov chain. Here the chains come from elsewhere: a matrix of rates, a
+# file of another program. Every answer has a lower and an upper bound, and says whether they are proven. This notebook
 #
-# 1. makes a chain of a **matrix**, with labels and rewards, and asks it in text;
-# 2. hands it over as **explicit files** of PRISM, which Storm reads as well;
-# 3. solves a **stiff** one, and shows what accuracy costs in time;
-# 4. finds the probability of something **rare** to many digits, and how it comes about when it does;
-# 5. asks which rate matters, by exact **derivatives**.
+# 1. makes a chain from a **matrix**, with labels and rewards, and asks questions as text;
+# 2. writes it as **explicit files** for PRISM, which Storm reads as well;
+# 3. solves a **stiff** chain, and shows what accuracy costs in time;
+# 4. computes the probability of a **rare** event to many digits, and shows how it happens;
+# 5. finds which rate matters, by exact **derivatives**.
 
 # %%
 from dataclasses import asdict
@@ -44,8 +44,8 @@ plt.rcParams.update({"figure.constrained_layout.use": True, "font.size": 9})
 # ## 1. A chain from outside
 #
 # Three pumps, each of which fails once in 1,000 hours, and one mechanic, who repairs one in 8 hours. A state is the
-# number of pumps that have failed; rates from row to column, off the diagonal. It costs 5 an hour while the mechanic
-# works, and a spare part of 300 a repair: a reward is earned at a rate in each state, or by an impulse a jump.
+# number of pumps that have failed; rates from row to column, off the diagonal. The mechanic costs 5 per working hour,
+# and each repair needs a spare part for 300: a reward accrues at a rate in each state, or as an impulse at each jump.
 
 # %%
 fail, repair = 1e-3, 1 / 8
@@ -76,7 +76,8 @@ answers["relative width"] = (answers["high"] - answers["low"]) / answers["value"
 answers[["value", "relative width", "kind", "method"]]
 
 # %% [markdown]
-# The limits hold truncation, all rounding, and that of the rates. The time itself is a distribution, with quantiles:
+# The bounds include truncation and all rounding, that of the rates as well. The time itself has a distribution, with
+# quantiles:
 
 # %%
 dry = pumps.passage("dry")
@@ -85,8 +86,8 @@ pd.Series({"mean (h)": dry.mean, "sd (h)": dry.sd, "relative error": dry.error, 
 # %% [markdown]
 # ## 2. As files
 #
-# PRISM's explicit files hold states, rates, labels and rewards as text. What is written is read back as the same chain,
-# to the last bit.
+# PRISM's explicit files hold states, rates, labels and rewards as text. Written and read back, the chain is the same to
+# the last bit.
 
 # %%
 with TemporaryDirectory() as folder:
@@ -100,9 +101,9 @@ sorted(written), all(same)
 # %% [markdown]
 # ## 3. Stiff
 #
-# Two groups of machines that know nothing of each other: 20 quick ones fail every hour and are repaired in 30 seconds,
-# 15 slow ones fail once in a year and are repaired in four months. After ten years the exact answer is a product of two
-# binomial distributions.
+# Two independent groups of machines: 20 fast ones fail every hour and are repaired in 30 seconds, 15 slow ones fail
+# once a year and are repaired in four months. After ten years the exact answer is a product of two binomial
+# distributions.
 
 # %%
 ten_years = 3.2e8
@@ -118,21 +119,21 @@ print(f"{len(stiff)} states, rates from {slowest:.0e} to {fastest:.0e} per secon
 print(f"uniformisation would take {steps:.1e} steps, some {seconds:.0f} s, and bound its rounding by {rounding:.0e}")
 
 # %% [markdown]
-# Uniformisation steps at the pace of the quickest rate. `Collocation` takes steps as long as the time before them: a
-# polynomial on each, corrected until its defect, found in exact fixed-point arithmetic, is small. The integral of the
-# defect bounds the error. What accuracy costs:
+# Uniformisation takes steps as short as the fastest rate requires. `Collocation` takes steps as long as the time before
+# them: the solution on each is a polynomial, corrected until its defect, computed in exact fixed-point arithmetic, is
+# small. The integral of the defect bounds the error. What accuracy costs:
 
 # %%
 found = {tolerance: stiff.transient([ten_years], Collocation(tolerance)) for tolerance in (1e-4, 1e-7, 1e-10, 1e-13)}
 price = pd.DataFrame(
     {
-        "asked for": list(found),
+        "requested": list(found),
         "proven error": [one.error for one in found.values()],
         "error": [np.abs(one.probabilities[0] - exact).sum() for one in found.values()],
         "CPU (s)": [one.cpu_seconds for one in found.values()],
     }
 )
-price.style.format({"asked for": "{:.0e}", "proven error": "{:.1e}", "error": "{:.1e}", "CPU (s)": "{:.2f}"})
+price.style.format({"requested": "{:.0e}", "proven error": "{:.1e}", "error": "{:.1e}", "CPU (s)": "{:.2f}"})
 
 # %%
 figure, ax = plt.subplots(figsize=(4.5, 3.2))
@@ -144,13 +145,13 @@ ax.set_ylabel("summed error of 336 probabilities")
 _ = ax.legend(frameon=False)
 
 # %% [markdown]
-# Nine digits more cost a small factor in time. (The closed form is itself rounded, to some 1e-15.)
+# Nine more digits cost a small factor in time. (The closed form is itself rounded, to some 1e-15.)
 #
 # ## 4. Rare
 #
-# A cluster of particles gains one at a rate that goes with its surface, and loses one more readily the more it is
-# curved: small ones dissolve, and past a critical size they grow for good. We ask for a cluster of 60 before the first
-# one is gone.
+# A cluster of particles gains particles at a rate proportional to its surface, and loses them faster the more curved it
+# is: small clusters dissolve, and beyond a critical size they keep growing. What is the probability that a cluster
+# reaches 60 particles before it dissolves?
 
 # %%
 size = np.arange(61)
@@ -168,8 +169,8 @@ ever = cluster.until("grown")
 print(ever)
 
 # %% [markdown]
-# The limits are relative, so that the digits are known however small the number: also of the first moments, where it is
-# far smaller still. A pass forwards over all states knows each probability only to the rounding of 1.
+# The bounds are relative, so the digits are correct however small the number, even at early times, when it is far
+# smaller still. A forward pass over all states gives each probability only to within the rounding error of 1.
 
 # %%
 times = np.geomspace(0.5, 300, 16)
@@ -183,8 +184,8 @@ rare.iloc[::3][["value", "relative width", "kind"]]
 paths = [chain_path_to(cluster, "grown", seed=1, run=run) for run in range(6)]
 usual = [chain_path(cluster, 30.0, seed=2, run=run) for run in range(40)]
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4))
-left.loglog(times, rare["value"], "o-", ms=3, label="until, backwards: relative limits")
-left.axhline(forwards.error, color="0.5", ls=":", label="proven error of a pass forwards")
+left.loglog(times, rare["value"], "o-", ms=3, label="until, backwards: relative bounds")
+left.axhline(forwards.error, color="0.5", ls=":", label="proven error of a forward pass")
 left.axhline(ever.value, color="0.3", lw=0.8, label="ever")
 left.set_xlabel("time")
 left.set_ylabel("probability of 60 by then")
@@ -198,18 +199,19 @@ right.set_xlabel("time")
 _ = right.set_ylabel("particles in the cluster")
 
 # %% [markdown]
-# Right: in grey 40 clusters as they come, all of them soon gone; in colour six that grow, drawn from exactly those runs
-# that do. No run was thrown away for it: each jump is weighted by the chance of success from where it leads (Doob's
-# transform). What is rare is quick once it happens: some 10 to 30 units of time, after 3e11 clusters on average.
+# Right: in grey 40 ordinary clusters, all of which soon dissolve; in colour six that grow, drawn from the exact
+# distribution of such runs. No run was discarded for this: each jump is weighted by the probability of success from the
+# state it leads to (Doob's transform). The rare event is fast once it happens: it takes some 10 to 30 units of time,
+# but occurs once in 3e11 clusters on average.
 
 # %% [markdown]
 # ## 5. Derivatives
 #
-# One pass forwards and one backwards, or one elimination, give the derivatives of an answer by all parameters at once,
-# with limits as well. The parameters of a network's chain are its rate constants; of any other chain they are named,
-# each with the rates that are in proportion to it. Elasticities, relative change for relative change, of three answers
-# about the pumps: to run dry takes three failures on top of each other, so that their rate counts almost threefold, and
-# the mechanic's almost minus twofold; the cost of a year hardly depends on him.
+# One forward and one backward pass, or one elimination, give the derivatives of an answer by all parameters at once,
+# with bounds as well. The parameters of a network's chain are its rate constants; those of any other chain are named,
+# each with the rates proportional to it. Below are the elasticities (relative change per relative change) of three
+# answers about the pumps. Running dry takes three failures in a row, so the failure rate counts almost threefold, and
+# the repair rate almost minus twofold; the cost of a year hardly depends on the repair rate.
 
 # %%
 sensitivity = Sensitivity(pumps, {"fail": np.triu(rates) > 0, "repair": np.tril(rates) > 0})
@@ -222,7 +224,7 @@ wanted = ["elasticity", "elasticity_low", "elasticity_high"]
 pd.concat({name: pd.DataFrame(one.to_dict(), columns=["parameters", *wanted]) for name, one in derivatives.items()})
 
 # %% [markdown]
-# The elasticities of a mean time add up to −1: twice as fast at everything takes half the time.
+# The elasticities of a mean time add up to −1: if all rates double, the time halves.
 
 # %%
 float(derivatives["mean time until dry"].elasticity.sum())

@@ -1,5 +1,6 @@
 """Settings of the whole test suite: the `--validate` option, drawing without a display, and the command as fixtures."""
 
+import gc
 import os
 import signal
 
@@ -53,6 +54,12 @@ def pytest_collection_modifyitems(config, items):
     for item in items:
         if item.get_closest_marker("validate"):  # a keyword may also be the name of a parameter
             item.add_marker(skip)
+
+
+def pytest_collection_finish():
+    """What is imported stays: it need not be looked through for rubbish, nor be copied page by page by a fork."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)

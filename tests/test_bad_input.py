@@ -329,7 +329,7 @@ def test_a_missing_extra_is_named(refused, monkeypatch):
     for name in ("mechsim.world.engines.pybullet_engine", "mechsim.world.world"):
         monkeypatch.delitem(sys.modules, name, raising=False)
     told = refused(*SIMULATE)
-    assert "this needs pybullet; install it by: pip install 'pybullet>=3.2.6', or let the scene name" in told
+    assert "this needs pybullet; install it by: pip install 'pybullet>=3.2.6', or choose an engine" in told
     assert 'engine = "own" under [numerics]' in told
     assert not set(engine_named("own").packages) & set(EXTRAS)
 

@@ -361,9 +361,7 @@ def test_ctrl_c_and_sigterm(tmp_path, undisturbed, number):
         out, err = process.communicate()  # returns once the workers are gone too, for they hold the same pipes
     assert process.returncode == 130
     assert out == ""
-    assert told(err) == (
-        "Interrupted: finished runs are kept in runs, and the same command makes only those that are missing.\n"
-    )
+    assert told(err) == ("Interrupted: finished runs are kept in runs; the same command makes only the missing ones.\n")
     check_that_it_goes_on(tmp_path, undisturbed)
 
 

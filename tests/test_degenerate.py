@@ -104,7 +104,7 @@ def one_run_results():
         yield BreakComparison.asked_for("auto", runs)
     rates = estimate(paths).rates()
     yield predict(pair, rates, start, [end], runs=1, seed=1, draws=2)
-    yield crossvalidate(pair, rates, paths, times=[end], groups=40, most_groups=40)
+    yield crossvalidate(rates, paths, times=[end], groups=40, most_groups=40)
     yield compare_first_times(pair, paths, "AB")
     still = Network.from_text("A -> B, 0")
     yield first_passage(still, {"A": 1}, "B")
@@ -112,7 +112,7 @@ def one_run_results():
     yield stationary(still, {"A": 1})
     chain = Chain.of(still, {"A": 1})
     yield from (chain.passage("B == 1"), Sensitivity(chain).until("B == 1"), chain.committor({"b": "B == 1"}))
-    part = Chain.of(Network.from_text("0 <-> A, 1, 0.1"), {"A": 0}, within="A < 5")
+    part = Chain.of(Network.from_text("0 <-> A, 1, 0.1"), {"A": 0}, truncate="A < 5")
     yield from (part.passage("A == 9"), part.reward("A", until="A == 9"))
 
 

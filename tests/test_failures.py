@@ -48,7 +48,7 @@ def test_sums_of_many_names_are_read_or_refused(tmp_path, terms):
     done = run_here("rules", "derive", "sum.net", cwd=tmp_path)
     if done.code != 0:
         assert terms > 3
-        assert "sum" in failed(done, 2) or "nests more deeply" in failed(done, 2)
+        assert "sum" in failed(done, 2) or "is nested too deeply" in failed(done, 2)
 
 
 @pytest.mark.parametrize("encoding", ["klingon", "hex", "rot13", "punycode", "undefined", "utf-7", "utf-32", "cp037"])
@@ -114,7 +114,7 @@ def test_extreme_levels_of_a_study_are_refused(tmp_path, factor, level):
         (ChildProcessError("workers cannot be started"), OUTSIDE, "workers cannot be started"),
         (MemoryError(), OUTSIDE, "not enough memory; ask for less"),
         (MemoryError("Unable to allocate 8 TiB"), OUTSIDE, "not enough memory (Unable to allocate 8 TiB)"),
-        (RecursionError("maximum recursion depth exceeded"), MISTAKE, "nests more deeply"),
+        (RecursionError("maximum recursion depth exceeded"), MISTAKE, "is nested too deeply"),
         (OverflowError("int too large"), MISTAKE, "(int too large)"),
         (
             ModuleNotFoundError("No module named 'libsbml'", name="libsbml"),
@@ -174,8 +174,8 @@ def test_a_scheduler_that_is_gone(tmp_path):
 
 # Ctrl-C
 
-NOTHING = "Interrupted: nothing of it is kept, and the same command begins anew; a file that it had written is whole.\n"
-RUNS = "Interrupted: finished runs are kept in {}, and the same command makes only those that are missing.\n"
+NOTHING = "Interrupted: nothing of it is kept, and the same command starts over; files already written are complete.\n"
+RUNS = "Interrupted: finished runs are kept in {}; the same command makes only the missing ones.\n"
 
 
 @pytest.mark.parametrize(
@@ -285,7 +285,7 @@ main({[*map(str, PREDICT), "--method", "partial"]})
     assert done.returncode == 0, done.stderr
     assert "quadmer" in done.stdout
     (line,) = told(done.stderr).splitlines()
-    assert line.startswith("Warning: there is no folder to keep compiled kernels in")
+    assert line.startswith("Warning: there is no folder for compiled kernels")
     run[-1] = code.replace("caching._CacheLocator", "ignored = type('Other', (), {}); ignored")  # the control
     done = subprocess.run(run, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert (done.returncode, told(done.stderr)) == (0, "")

@@ -90,11 +90,14 @@ def test_figures_and_tables_may_be_several(tmp_path):
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        ((*PREDICT, "--runs", 6), "--runs came twice, with 5 and with 6"),
-        ((*PREDICT, "--runs=6"), "--runs came twice, with 5 and with 6"),
-        ((*PREDICT, "--tank", 2, 2, 3, "--tank", 2, 2, 4), "--tank came twice, with 2 2 3 and with 2 2 4"),
-        (("rules", "derive", *LINE, "--out", "a.net", "--out", "b.net"), "--out came twice, with a.net and with b.net"),
-        (("rules", "grow", "line4", "--seed", 1, "--seed", 2), "--seed came twice, with 1 and with 2"),
+        ((*PREDICT, "--runs", 6), "--runs was given twice, with 5 and with 6"),
+        ((*PREDICT, "--runs=6"), "--runs was given twice, with 5 and with 6"),
+        ((*PREDICT, "--tank", 2, 2, 3, "--tank", 2, 2, 4), "--tank was given twice, with 2 2 3 and with 2 2 4"),
+        (
+            ("rules", "derive", *LINE, "--out", "a.net", "--out", "b.net"),
+            "--out was given twice, with a.net and with b.net",
+        ),
+        (("rules", "grow", "line4", "--seed", 1, "--seed", 2), "--seed was given twice, with 1 and with 2"),
     ],
 )
 def test_two_values_for_one_are_refused(tmp_path, command, said):

@@ -17,7 +17,8 @@ STRICTLY = (
     "warn-unused-ignores, warn-return-any, no-implicit-reexport, strict-equality, extra-checks"
 )
 SCRIPT = """
-from kinetics import Direct, Network, Transient, first_passage, predict, sample_path, scan, simulate, solve, stationary
+from kinetics import Direct, Model, Network, Transient
+from kinetics import first_passage, predict, sample_path, scan, simulate, solve, stationary
 
 network = Network.from_text("A + B <-> AB, k, 0.1", k=1e-2)
 start: dict[str, int] = {"A": 20, "B": 10}
@@ -29,7 +30,7 @@ first_passage(network, start, "AB").quantile(0.5)
 predict(network, None, start, [1.0]).plot()
 stationary(network, start).mean()
 sample_path(network, start, 1.0).to_parquet("path.parquet")
-scan(network, values, ["E[AB] @ 1"], initial=start).numbers("value")
+scan(Model.of(network, start), values, ["E[AB] @ 1"]).numbers("value")
 """
 WRONG = SCRIPT + 'simulate(network, "ssa", start, [1.0], runs="many")\nmean = network\n'
 

@@ -150,9 +150,9 @@ def _rates_table(study: ClassStudy) -> str:
     lines.append(f"break model: {study.rates.breaks.model}{f' ({shape})' if shape else ''}")
     missed = study.calibration.not_measured
     if missed:
-        lines.append(f"{len(missed)} classes were not there to be measured; a more general entry stands for them")
+        lines.append(f"{len(missed)} classes were not present to be measured; a more general entry replaces them")
     off = flagged(study.spreads)
-    said = "; ".join(spread.sentence for spread in off) if off else "none that these runs show at 1 %"
+    said = "; ".join(spread.sentence for spread in off) if off else "none detected by these runs at 1 %"
     lines.append(f"rates that differ within a constant ({len(study.spreads)} tests): {said}")
     return "\n".join([*lines, study.source])
 

@@ -57,8 +57,8 @@ if TYPE_CHECKING:
     default=(60,),
     show_default=True,
     metavar="N ...",
-    help="Numbers of cubes of the runs. With --events one number: it is checked, and without counts at the start all "
-    "are single.",
+    help="Numbers of cubes of the runs. With --events, one number: it is checked, and if the table gives no initial "
+    "counts, all cubes start single.",
 )
 @click.option(
     "--runs",
@@ -75,13 +75,13 @@ if TYPE_CHECKING:
     "--break-model",
     "breaks",
     metavar="auto|NAME",
-    help="How bonds break: the name of a break model, such as first-order or collision, or auto for the one that the "
-    "runs choose. With --events only where it is given.  [default: the plan's, or auto]",
+    help="How bonds break: a break model such as first-order or collision, or auto for the one that the runs "
+    "choose. With --events, no break model is fitted unless one is named here.  [default: the plan's, or auto]",
 )
 @click.option(
     "--by",
     type=click.Choice(["channel", "class"]),
-    help="Rates of channels, for the network of this book, or of rate classes, for any book.  [default: class for a "
+    help="Rates by channel, for the network of this book, or by rate class, for any book.  [default: class for a "
     "book that grows from a seed, else channel]",
 )
 @heading("For rates by class")
@@ -89,16 +89,15 @@ if TYPE_CHECKING:
     "--pool",
     multiple=True,
     metavar="SCENE|PLAN",
-    help="One more scene or plan whose runs are pooled; may be repeated.",
+    help="Another scene or plan whose runs are pooled with these; may be repeated.",
 )
 @click.option(
     "--group-by",
     type=click.Choice(["auto", "event", "touched", "faces", "sizes"]),
     default="auto",
     show_default=True,
-    help="What the classes of one constant have in common. It is the event alone, also the "
-    "number of cubes that a place touches, also the faces, or also the sizes; auto lets the runs choose, of joins and "
-    "of breaks.",
+    help="What classes must have in common to share one constant: the event (join or break), also the number of "
+    "cubes touched, also the faces, or also the sizes. With auto the runs choose, for joins and for breaks.",
 )
 @heading("For events that others observed")
 @events_options
@@ -133,27 +132,27 @@ def calibrate(
 
     A rate is events over exposure, pooled over all runs; waits that the end of a run cuts short (censoring) count in
     full. Runs are assemblies from single cubes, not restarted, so that rates are measured along the path on which they
-    are used. A channel without events is named: the runs give it no more than an upper limit. One whose reactants no
+    are used. A channel without events is named: for it the runs give only an upper bound. A channel whose reactants no
     run held gets a prior from the others of its kind, and the rates file marks it. Exit code 4: some runs were stopped
     by the guard or given up; the rates come from the others.
 
     Rates by class (--by class) belong to the number of cubes that a place touches, to pairs of faces and to sizes, as
-    far as the runs tell them apart, and serve `rules grow`, `rules rank`, `predict` and `validate` for any book. Books
-    that grow from a seed have no others: see docs/class_rates.md.
+    far as the runs distinguish them, and serve `rules grow`, `rules rank`, `predict` and `validate` for any book. For
+    books that grow from a seed these are the only rates: see docs/class_rates.md.
 
-    A PLAN, a file as `wellmixed study plan` writes it, states the scene, the tanks, the runs and the seed itself. A
-    FOLDER, as `wellmixed new` makes it, holds the plan, and gets rates, report and runs.
+    A PLAN, a file written by `wellmixed study plan`, states scene, tanks, runs and seed. A FOLDER, made by `wellmixed
+    new`, holds the plan; rates, report and runs are written there.
 
-    With --events no run is made, and a rule book or a network file (.net, SBML) takes the place of SCENE: the rates are
-    those of runs that others observed. A row of their table holds run, time and channel, or run, time and the copies of
-    each species after a change. The word start in the column channel marks the start of a run, with the copies of each
+    With --events no run is made: the rates come from runs that others observed, and a rule book or a network file
+    (.net, SBML) replaces SCENE. A row of their table holds run, time and channel, or run, time and the copies of each
+    species after a change. The word start in the column channel marks the start of a run, with the copies of each
     species; end marks its end, and restart that it was put back to its start. See docs/observed_events.md.
     """
     target = Path(out)
     if target.suffix != ".toml":
         raise ValueError(f"--out {out}: expected a name that ends in .toml")
     if events is not None and (pool or by == "class"):
-        raise ValueError("--events gives rates by channel, of one book; leave out --by class and --pool")
+        raise ValueError("--events gives rates by channel, for one book; leave out --by class and --pool")
     if pool and by == "channel":
         raise ValueError("--pool pools books, whose channels differ; leave it out, or ask for --by class")
     if events is None and (pool or by == "class" or (by is None and is_seeded(scene))):

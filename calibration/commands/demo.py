@@ -10,7 +10,7 @@ import click
 from calibration.commands.shared import comparison_table, leave, rates_table, seed_option
 from calibration.pipeline.calibration_study import run_calibration
 from calibration.pipeline.held_out_study import run_validation
-from calibration.pipeline.study_runs import watched_run
+from calibration.pipeline.study_runs import pictured_run
 from calibration.reporting.overview import full_report, not_seen
 from kinetics.support.cli.failures import keep_runs
 from kinetics.support.cli.options import echo_json, json_option
@@ -61,7 +61,7 @@ def demo(folder: str, scale: float, workers: Executor, progress: bool | None, se
     validated = run_validation(
         scene, calibrated.rates, runs_folder, runs=4, duration=200 * scale, seed=seed + 1, **common
     )
-    record = watched_run(scene, runs_folder, duration=200 * scale, seed=seed + 1)
+    record = pictured_run(scene, runs_folder, duration=200 * scale, seed=seed + 1)
     report = full_report(calibrated, validated, lambda ax: draw_tank(record, ax))
     written = report.write(place / "report.html", data=True)[-1]
     if as_json:

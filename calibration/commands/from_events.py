@@ -27,14 +27,14 @@ def events_options(command: Callable[..., None]) -> Callable[..., None]:
             metavar="X Y Z",
             type=float,
             nargs=3,
-            help="Lengths of the tank in which the runs of --events were observed.",
+            help="Edge lengths of the tank in which the runs of --events were observed.",
         ),
         click.option(
             "--run-table",
             metavar="FILE",
             type=table,
-            help="Table of the runs of --events: run, start, end and a column for each species with its copies at the "
-            "start. Without it, rows of --events that are marked start and end say so.",
+            help="Table of the runs of --events: run, start, end and a column for each species with its initial "
+            "count. Without it, --events needs rows marked start and end.",
         ),
         click.option(
             "--events",
@@ -69,7 +69,7 @@ def study_of_events(
         return None
     for name, option in given.items():
         if name not in SHARED:
-            raise ValueError(f"{option} is about mechanics runs, and --events makes none; leave one of them out")
+            raise ValueError(f"{option} applies to mechanics runs, and --events makes none; leave one of them out")
     from calibration.observed.study import observed_study
     from kinetics.formats import read
 

@@ -44,13 +44,13 @@ from kinetics.support.cli.progress import progress_line
 @seed_option(1)
 @json_option
 def new(target: str, folder: str | None, time_limit: float, as_json: bool, **wanted: Any) -> None:
-    """Make the FOLDER of a study of TARGET: its rule book, a scene and a plan with its cost in CPU hours.
+    """Create the FOLDER of a study of TARGET: a rule book, a scene, and a plan with its cost in CPU hours.
 
     TARGET is a shipped target or a .toml file, as `wellmixed rules compile` takes it; FOLDER is by default its name.
-    Nothing is simulated but a few short trials for the cost. The plan follows the path that rates like those of lines
-    and Ts predict. A target that grows from a seed is studied by rate class instead, in growth from its beginning, so
-    that --along says nothing there. Then simulate, calibrate, predict and validate take the folder for all that they
-    need.
+    Only a few short trials are simulated, to forecast the cost. The plan takes tanks from the assembly path that rates
+    like those of lines and Ts predict. A target that grows from a seed is studied by rate class instead, in growth from
+    time 0; --along then has no effect. The commands simulate, calibrate, predict and validate need no argument but the
+    folder.
     """
     asked = {name: value for name, value in wanted.items() if value != ()}
     with progress_line():

@@ -32,7 +32,7 @@ class Percentage(click.ParamType):
     name = "percentage"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """The number."""
+        """The share as a number between 0 and 1."""
         text = str(value).strip()
         try:
             share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
@@ -62,7 +62,7 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
                 type=Percentage(),
                 default="20%",
                 show_default=True,
-                help="Held-out runs are to show joins, or breaks, whose rates are off by this share.",
+                help="Error in the rates of joins, or of breaks, that the held-out runs must detect.",
             ),
             click.option(
                 "--power",
@@ -70,7 +70,7 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
                 type=Percentage(),
                 default="90%",
                 show_default=True,
-                help="Probability with which they are to show it, at level 1 %.",
+                help="Probability with which they must detect it, at level 1 %.",
             ),
             click.option(
                 "--cpu-hours",
@@ -85,7 +85,7 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
                 default=(0.0, 50.0, 200.0, 800.0, 2000.0),
                 show_default=True,
                 metavar="T ...",
-                help="Times on the predicted path at which tanks may be taken, tu.",
+                help="Times on the predicted path from which tanks may be taken, tu.",
             ),
             click.option(
                 "--duration",
@@ -122,7 +122,7 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
     metavar="FILE",
     type=click.Path(dir_okay=False),
     callback=in_a_folder,
-    help="The plan to write (TOML), which calibrate and validate then carry out.",
+    help="The plan to write (TOML); calibrate and validate then carry it out.",
 )
 @asked_of_a_plan
 @click.option(
@@ -130,7 +130,7 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
     "rates_name",
     metavar="NAME|FILE",
     shell_complete=shipped("rates"),
-    help="Pilot rates, by which the path is predicted.  [default: from short pilot runs of the mechanics]",
+    help="Pilot rates, for predicting the path.  [default: from short pilot runs of the mechanics]",
 )
 @click.option(
     "--cubes",
@@ -152,7 +152,7 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
     help="Numbers of cubes of the held-out runs.",
 )
 @click.option(
-    "--tank", metavar="X Y Z", type=float, nargs=3, help="Lengths of the tank of all runs.  [default: the scene's]"
+    "--tank", metavar="X Y Z", type=float, nargs=3, help="Edge lengths of the tank of all runs.  [default: the scene's]"
 )
 @click.option(
     "--pilot-time",
@@ -162,7 +162,7 @@ def asked_of_a_plan(command: Callable[..., None]) -> Any:
     show_default=True,
     help="Length of a pilot run, tu; there are four at each number of cubes.",
 )
-@click.option("--strict", is_flag=True, help="Leave with exit code 2 where the plan falls short of what is asked for.")
+@click.option("--strict", is_flag=True, help="Exit with code 2 if the plan falls short of the request.")
 @plot_option
 @runs_option
 @executor_options
@@ -183,13 +183,13 @@ def plan(
     as_json: bool,
     **wanted: Any,
 ) -> None:
-    """Plan the runs of a study of SCENE: tanks, runs, and held-out runs with the power to show wrong rates.
+    """Plan the runs of a study of SCENE: tanks, runs, and held-out runs with the power to detect wrong rates.
 
-    Tanks are taken along the assembly's path as pilot rates predict it. A linear programme then gives the runs of least
-    CPU time that measure every rate as narrowly as asked for. The number of held-out runs is that which gives the test
-    of seen over expected events its power, with the calibration's own uncertainty. The cost of a run is that of stored
-    runs alike, or of a short trial, so that it depends on the machine. Where the budget does not reach, the plan that
-    fits is written, and what is lacking is said.
+    Tanks are taken from the assembly path that pilot rates predict. A linear programme then finds the cheapest runs
+    that measure every rate to the requested width. There are as many held-out runs as give the test of seen over
+    expected events its power, with the calibration's own uncertainty included. Costs come from similar stored runs or
+    from a short trial, and so depend on the machine. If the budget is too small, the plan that fits is written, with a
+    note on where it falls short.
     """
     target = Path(out)
     if target.suffix != ".toml":

@@ -79,7 +79,7 @@ def breaks_table(compared: BreakComparison) -> str:
         for row in compared.table()
     ]
     titles = (
-        *("break model", "parameters", "AIC above the least", "p against nested", "log score"),
+        *("break model", "parameters", "AIC above the smallest", "p against nested", "log score"),
         *("deviance (df)", "p", "shape [95 %]"),
     )
     lines = [text_table(titles, rows), f"* {compared.reason}."]
@@ -102,7 +102,7 @@ def rates_table(study: CalibrationStudy | ObservedStudy) -> str:
         for row in study.calibration.table()
     ]
     unit = study.calibration.network.time_unit
-    titles = ("channel", "ways", of_unit("rate", inverse(unit)), "95 % interval", "events", of_unit("exposure", unit))
+    titles = ("channel", "N", of_unit("rate", inverse(unit)), "95 % interval", "events", of_unit("exposure", unit))
     lines = [text_table(titles, rows), *filter(None, [study.diagnosis.looks.sentence])]
     if unseen := about_not_seen(study.calibration):
         lines.append(unseen)
@@ -156,11 +156,12 @@ def comparison_table(study: ValidationStudy) -> str:
         *("CPU mechanics (s)", "SSA", "exact"),
     )
     note = (
-        "Coverage of a predicted 95 % band by the mean and by single runs, with 95 % of what the model itself gives;\n"
+        "Coverage of a predicted 95 % band by the mean and by single runs, with the middle 95 % that the model "
+        "itself gives;\n"
         "misfit of the mean, about 1; waits for the first finished structure count to the end of a run at most."
     )
     if any(not comparison.is_exact for comparison in study.comparisons):
-        note += "\nToo many states for the exact solution: predicted by SSA runs, ± one standard error of theirs."
+        note += "\nToo many states for the exact solution: predicted by SSA runs, ± one standard error."
     diagnosed = diagnosis_lines(study.diagnosis)
     if prior := about_priors(study.rates.not_measured):
         note += f"\n{prior}"

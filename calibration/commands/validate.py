@@ -87,8 +87,8 @@ if TYPE_CHECKING:
     "--groups",
     metavar="N",
     type=click.IntRange(min=40),
-    help="For rates by class: number of predicted groups that decide where a p-value is small. The report says which "
-    "checks so few cannot fail.  [default: 1999]",
+    help="For rates by class: number of simulated groups used if a p-value is small. The report names the checks "
+    "that so few groups cannot fail.  [default: 1999]",
 )
 @click.option(
     "--plot",
@@ -122,13 +122,14 @@ def validate(
 ) -> None:
     """Compare predictions with mechanics runs of a scene that the rates never saw.
 
-    A PLAN, a file as `wellmixed study plan` writes it, states the scene, the sizes, the runs and the seed itself, and
-    the rules by which its verdict falls; the report says which of them hold. A FOLDER, as `wellmixed new` makes it,
-    holds the plan and the rates, and gets report and runs.
+    A PLAN, a file written by `wellmixed study plan`, states scene, sizes, runs, seed and the rules of the verdict; the
+    report says which rules hold. A FOLDER, made by `wellmixed new`, holds the plan and the rates; report and runs are
+    written there.
 
     Rates by class are tested on growth: network-free runs under draws of the rates predict curves of structures by
-    size, of targets and of the largest structure, joins and breaks. The report says how surely so many runs would have
-    shown joins or breaks that are off, and which checks could not fail. What follows is of rates by channel.
+    size, of targets and of the largest structure, joins and breaks. The report gives the power of so many runs to
+    detect wrong rates of joins or breaks, and names the checks that could not fail. The rest of this text is about
+    rates by channel.
 
     The verdict rests on the events of every channel, seen and expected, on the scatter of joins and breaks between
     runs, on mean counts, CRPS, single runs and first times, each by a p-value that carries the uncertainty of the
@@ -142,7 +143,7 @@ def validate(
         refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
         seed = plan.held_out.seed
     elif control_name:
-        raise ValueError("--control: only a plan states rules that a control must fail; give a plan, or leave it out")
+        raise ValueError("--control: only a plan has rules that a control must fail; give a plan, or leave it out")
     described = Scene.load(plan.scene if plan else scene)
     if are_by_class(rates_name):
         if (report and not is_filled("report")) or control_name:

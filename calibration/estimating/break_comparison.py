@@ -93,7 +93,7 @@ class BreakComparison(Shown):
             (row["model"], str(row["free_parameters"]), f"{row['log_likelihood']:.6g}", f"{row['aic_above_least']:.3g}")
             for row in compare_fits(self.fits)
         ]
-        titles = ("break model", "free parameters", "log-likelihood", "AIC above the least")
+        titles = ("break model", "free parameters", "log-likelihood", "AIC above the smallest")
         return ResultTable(self.headline, titles, rows, [f"chosen: {self.chosen.model.name}"])
 
     def __getitem__(self, name: str) -> RateFit:

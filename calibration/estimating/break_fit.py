@@ -61,7 +61,7 @@ def fit_breaks(
     network = runs[0].network
     channels = break_channels(network)
     if not channels:
-        raise ValueError("no channel of this network is a break, so that there is no break model to fit")
+        raise ValueError("no channel of this network is a break, so there is no break model to fit")
     require_tanks(runs)
     return fit_rates(BreaksBySpecies.of(model, network, runs[0].tank, by_partner), runs, channels, fixed)
 

@@ -51,7 +51,7 @@ class BreakRates(RateModel):
         return replace(self, values=tuple((self.shape_values | dict(values)).values()))
 
     def scales(self, path: JumpPath) -> tuple[float, float]:
-        """What brings pairs of bodies, and hits on walls, of a run's tank to the tank of the coefficients."""
+        """Factors from the tank of a run to that of the coefficients: for pairs of bodies, and for hits on walls."""
         if self.tank is None or path.tank is None or path.tank == self.tank:
             return 1.0, 1.0
         return self.tank.dilution(path.tank), self.tank.wall_factor(path.tank)
@@ -85,7 +85,7 @@ class BreaksBySpecies(BreakRates):
         return [part if factor == 1 else factor * part for factor, part in zip(factors, parts, strict=True)]
 
     def collected(self, path: JumpPath, rows: Ints) -> tuple[Floats, Floats]:
-        """As of any model, but that the parts at an event are those of the partners that its record allows."""
+        """Integrals of the parts over a path, and the parts at its events, of the partners that its record allows."""
         integrals, at_events = super().collected(path, rows)
         if not self.by_partner or path.partners is None:
             return integrals, at_events
@@ -101,7 +101,7 @@ class BreaksBySpecies(BreakRates):
 
     @property
     def cache_key(self) -> Hashable:
-        """Pairs do not depend on the shape."""
+        """The model without its shape, on which the pairs do not depend."""
         return self.breaks, self.network, self.tank, self.by_partner
 
 

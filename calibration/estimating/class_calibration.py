@@ -36,9 +36,9 @@ from kinetics.runs import JumpPath
 SEVERAL = 3  # classes, from which on their scatter says something
 SHARED = {  # how each fit shares its constants
     "event": "one constant",
-    "touched": "a constant a number touched",
-    "faces": "a constant a pair of faces",
-    "sizes": "a constant a class with sizes",
+    "touched": "a constant per number touched",
+    "faces": "a constant per pair of faces",
+    "sizes": "a constant per class including sizes",
 }
 
 

@@ -58,7 +58,7 @@ class ClassSpread:
         return f"{self.key} by {self.by} ({shown}): p = {self.p:.2g}, power {self.power:.2f}"
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it, ready for JSON."""
+        """The test as a dictionary, ready for JSON."""
         return vars(self) | {"events": self.events.tolist(), "exposure": self.exposure.tolist()}
 
 
@@ -89,11 +89,9 @@ def class_spreads(books: Iterable[BookRuns], calibration: ClassCalibration, seed
 
 
 def _large(groups: dict[Hashable, Floats]) -> tuple[tuple[str, ...], Floats]:
-    """Names of groups, and events and exposure (G, 2); groups of few events, seen or expected, are taken together.
-
-    A structure that grows but once has one event, and its exposure ends with it: its part would be no multinomial one.
-    Where only what is expected decided, structures that happened to stay for long would be chosen.
-    """
+    """Names of groups, and events and exposure (G, 2); groups of few events, seen or expected, are pooled."""
+    # Both decide. A structure that grows only once has one event, which ends its exposure: its share is not
+    # multinomial. Expected events alone would select structures that happened to last long.
     table = np.array(list(groups.values()))
     events, exposure = table.sum(axis=0)
 
@@ -109,7 +107,7 @@ def _large(groups: dict[Hashable, Floats]) -> tuple[tuple[str, ...], Floats]:
 
 
 def flagged(spreads: Sequence[ClassSpread], level: float = LEVEL) -> tuple[ClassSpread, ...]:
-    """Those with a spread, at this level by Holm's correction for their number."""
+    """The tests that find a spread at this level, with Holm's correction for their number."""
     ordered = sorted(spreads, key=lambda each: each.p)
     for i, each in enumerate(ordered):
         if each.p > level / (len(ordered) - i):

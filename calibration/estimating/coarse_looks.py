@@ -40,7 +40,7 @@ class LookedAt(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CoarseLooks:
-    """What looks at intervals do to rates and tests, where events are written down at the look that first shows them.
+    """The bias of rates and tests if a tank is observed at intervals, and events are recorded at the next observation.
 
     runs : the paths; those whose resolution is 0 add nothing
 
@@ -85,7 +85,7 @@ class CoarseLooks:
 
     @property
     def sentence(self) -> str:
-        """What looks do to the rates and the tests, and what to do about it; nothing where they are fine enough."""
+        """Sentences on the bias of rates and tests, and its remedy; "" if the intervals are short enough."""
         if not self.channels:
             return ""
         unit, resolution = self.runs[0].network.time_unit, self.channels[0].resolution
@@ -95,15 +95,15 @@ class CoarseLooks:
         rates = finer = ""
         if said:
             rates = (
-                "Rates are off by about half of what their propensity changes by between two looks (for a decay alone: "
-                f"rate x resolution), and intervals do not allow for it: {'; '.join(said[:SHOWN])}{more}. "
+                "Rates are off by about half the change of their propensity between two looks (for a decay alone: "
+                f"rate x resolution), and intervals do not include that: {'; '.join(said[:SHOWN])}{more}. "
             )
             fine = resolution * COARSE / max(abs(each.fall) for each in self.channels)
             finer = f"below {in_unit(f'{fine:.2g}', unit)} for the rates, and "
         finer += f"below {in_unit(f'{resolution * COARSE / most:.2g}', unit)} for the tests"
         return (
-            f"Looks are coarse: they are {in_unit(f'{resolution:g}', unit)} apart, and up to {most:.3g} events of a "
-            f"channel come between two. {rates}Tests of waits, drift, mixing and crowding may fail for this alone. "
+            f"Looks are coarse: they are {in_unit(f'{resolution:g}', unit)} apart, with up to {most:.3g} events of a "
+            f"channel between two. {rates}Tests of waits, drift, mixing and crowding may fail for this reason alone. "
             f"Look at shorter intervals: {finer}."
         )
 

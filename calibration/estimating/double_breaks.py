@@ -74,30 +74,30 @@ class DoubleBreaks:
 
     @property
     def is_asked_for(self) -> bool:
-        """Whether the data ask for a model with double breaks: chance gives as many with probability below 1 %."""
+        """True if the data ask for a model with double breaks: chance gives as many with probability below 1 %."""
         return self.p_value < LEVEL
 
     @property
     def sentence(self) -> str:
-        """What was seen and expected, the share, and what it does to the spread of counts."""
+        """Sentences on the double breaks seen and expected, their share, and their effect on the spread of counts."""
         if not self.breaks:
             return "no bond broke"
         low, high = self.interval()
         seen = (
             f"{self.seen} of {self.breaks} breaks came within {self.within:.3g} tu of the one before, "
             f"{self.expected:.2g} expected by chance (p = {self.p_value:.1g}): {self.share:.1%} "
-            f"[{low:.1%}, {high:.1%}] of breaks take a second one with them"
+            f"[{low:.1%}, {high:.1%}] of breaks come with a second one"
         )
         if not self.is_asked_for:
-            return f"{seen}; the data do not ask for a model with double breaks"
+            return f"{seen}; the data do not call for a model with double breaks"
         limits = f"{_variance_factor(low):.2f}, {_variance_factor(high):.2f}"
         return (
-            f"{seen}, and counts of breaks vary {self.variance_factor:.2f} [{limits}] times as much as in a chain of "
-            "single breaks, whose means hold and whose spread is that much too small"
+            f"{seen}, and counts of breaks vary {self.variance_factor:.2f} [{limits}] times as much as in a chain "
+            f"of single breaks, which has the right means and a spread that is too small by this factor"
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it, ready for JSON."""
+        """The numbers as a dictionary, ready for JSON."""
         low, high = self.interval()
         return {
             "within": self.within,

@@ -52,7 +52,7 @@ class RateEstimate:
 
     @property
     def is_measured(self) -> bool:
-        """Whether the channel could ever have fired."""
+        """True if the channel could have fired at some time."""
         return self.exposure > 0
 
     @property
@@ -248,7 +248,7 @@ def estimate(measured: Iterable[JumpPath | Exposure]) -> Calibration:
 
 
 def prior_of(channel: str, network: Network, events: ArrayLike, exposures: ArrayLike) -> dict[str, Any]:
-    """What stands in for the evidence of a join or break that no run could fire, by the fields of `ChannelRate`.
+    """The prior for a join or break that no run could fire, by the fields of `ChannelRate`.
 
     events, exposures : (R,) of all channels; of joins, or of breaks, they are pooled
     ValueError: a channel that is neither, or a group of which no channel was measured.
@@ -268,7 +268,7 @@ def prior_of(channel: str, network: Network, events: ArrayLike, exposures: Array
 
 
 def per_combination(network: Network) -> Floats:
-    """What k has to be multiplied by (R,) to give the rate of one distinct combination of reactants."""
+    """Factors (R,) from a rate constant k to the rate of one distinct combination of reactants."""
     if network.combinations == "distinct":
         return network.ways
     needed = network.sparse_reactants

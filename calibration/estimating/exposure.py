@@ -16,6 +16,7 @@ import numpy as np
 from kinetics.network import Network, Tank
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints, integers, reals
+from kinetics.support.frozen import set_fields
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +44,8 @@ class Exposure:
 
     def __post_init__(self) -> None:
         shape = (len(self.network.channels),)
-        object.__setattr__(self, "events", integers("events", self.events, shape, minimum=0))
-        object.__setattr__(self, "exposure", reals("exposure", self.exposure, shape, minimum=0))
+        events = integers("events", self.events, shape, minimum=0)
+        set_fields(self, events=events, exposure=reals("exposure", self.exposure, shape, minimum=0))
         impossible = (self.events > 0) & (self.exposure == 0)
         if impossible.any():
             names = [self.network.channels[j] for j in np.flatnonzero(impossible)]
@@ -96,7 +97,7 @@ def require_same(first: Network, second: Network) -> None:
             "pool only runs of one rule book"
         )
     if first.combinations != second.combinations or not np.array_equal(first.ways, second.ways):
-        raise ValueError("two conventions: the networks differ in their ways or combinations; derive both anew")
+        raise ValueError("two conventions: the networks differ in multiplicities or combinations; derive both again")
 
 
 class Sojourns(NamedTuple):

@@ -85,7 +85,7 @@ class Grouping:
 
     @property
     def is_mixed(self) -> bool:
-        """Whether some channel has ways with different constants, so that its events have to be shared out."""
+        """True if a channel has ways with different constants, so that its events have to be shared out."""
         return bool((np.count_nonzero(self.shares, axis=1) > 1).any())
 
     def sorts_of(self, network: Network) -> Ints:

@@ -31,7 +31,7 @@ ROUNDING = 1e-12  # loss of log-likelihood an event that no step is shortened fo
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What paths say about one channel under one model and shape.
+    """The evidence of paths on one channel under one model and shape.
 
     at_events : (n, P) propensity at each event per unit of each coefficient
     exposure : (P,) integral of the same over the time that the channel was open

@@ -18,7 +18,7 @@ MOST_LOGARITHMS = 2**22  # held at once, 32 MB
 
 @dataclass(frozen=True, eq=False)
 class MixedEvidence:
-    """What paths say about all channels of a model with one term and a mixture.
+    """The evidence of paths on all channels of a model with one term and a mixture.
 
     at_events : (n, P) parts at the events, per unit of the coefficient, events with equal parts once
     copies : (n,) how many events have these

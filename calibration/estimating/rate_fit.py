@@ -334,7 +334,7 @@ def simplest(fits: Sequence[Fit]) -> Fit:
 
 
 def _crossing(spare: Callable[[float], float], best: float, bound: float, step: float) -> float:
-    """Where `spare`, above 0 at `best`, falls through 0 on the way to `bound`; `bound` if it does not."""
+    """The zero of `spare`, which is above 0 at `best`, on the way to `bound`; `bound` if there is none."""
     inside = best
     while inside != bound:
         outside = best + step

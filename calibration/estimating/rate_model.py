@@ -74,11 +74,11 @@ class RateModel(ABC):
 
     @property
     def cache_key(self) -> Hashable:
-        """What the parts depend on: models alike in this share what is collected from the paths."""
+        """A key of all that the parts depend on: models with equal keys share what is collected from paths."""
         return self
 
     def with_shape(self, values: Mapping[str, float]) -> Self:
-        """The same model with these values of some of its shape parameters."""
+        """A copy of the model with these values of some of its shape parameters."""
         changed: Any = replace(self, **values)  # type: ignore[type-var]
         return changed
 

@@ -240,7 +240,7 @@ class _Reader:
 
     @cached_property
     def by_change(self) -> dict[Change, list[int]]:
-        """What happens to the species that are counted -> the channels that do it, but for those that do nothing."""
+        """A dictionary from each change of counted species to its channels; channels without effect are left out."""
         found: dict[Change, list[int]] = {}
         for channel in range(len(self.network.channels)):
             species, gains = self.network.sparse_stoichiometry.row(channel)

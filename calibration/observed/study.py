@@ -63,7 +63,7 @@ class ObservedStudy:
 
     @property
     def source(self) -> str:
-        """Where the rates come from, in words."""
+        """A sentence on the source of the rates."""
         runs, unit = len(self.paths), self.calibration.network.time_unit
         duration = in_unit(f"{sum(path.end for path in self.paths):g}", unit)
         events = int(self.calibration.total.events.sum())

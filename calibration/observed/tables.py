@@ -31,7 +31,7 @@ LARGEST = 2.0**53  # of a count; beyond it a float skips whole numbers
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A table of text.
+    """A table of text, with the place of each row in its file.
 
     name : of the file
     columns : title -> cells (n,), stripped; an empty cell, nothing or NaN, is ""
@@ -137,7 +137,7 @@ def _csv(file: Path) -> tuple[list[str], list[NDArray[Any]], NDArray[np.int64]]:
 
 
 def _parquet(file: Path) -> tuple[list[str], list[NDArray[Any]], NDArray[np.int64]]:
-    """The same of a Parquet file, whose rows are numbered as if they stood below a line of titles."""
+    """Read a Parquet file as a table of text; rows are numbered as if they stood below a line of titles."""
     from pyarrow import parquet
 
     opened = parquet.ParquetFile(file)

@@ -17,7 +17,7 @@ from kinetics.support.arrays import Ints
 
 @dataclass(frozen=True)
 class Given:
-    """What is said of all runs, beside the tables.
+    """Facts about all runs that are given beside the tables.
 
     cubes : what every run holds; None where nobody says
     single : species with which runs start whose counts nobody gives, as many copies as there are cubes

@@ -32,7 +32,7 @@ class Bar:
 
     @property
     def sentence(self) -> str:
-        """Rule, result and what came."""
+        """A sentence with the rule, the verdict and the value found."""
         word = {True: "holds", False: "fails", None: "cannot be judged"}[self.is_cleared]
         return f"{self.rule}: {word} ({self.came})"
 

@@ -42,7 +42,7 @@ class PointRuns:
 
 @dataclass(frozen=True, eq=False)
 class PointRates:
-    """What a point's runs say.
+    """The rates from the runs of one point.
 
     first : its first times beside their distribution under the rates of its kin, which its own runs are no part of;
         None: no kin

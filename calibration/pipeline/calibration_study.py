@@ -39,12 +39,12 @@ class CalibrationStudy:
 
     @property
     def name(self) -> str:
-        """Of the scene."""
+        """The name of the scene."""
         return self.scene.name
 
     @property
     def source(self) -> str:
-        """Where the rates come from, in words."""
+        """A sentence on the source of the rates."""
         cubes = ", ".join(map(str, sorted({record.spec.n_cubes for record in self.sound})))
         return f"{len(self.sound)} mechanics runs with {cubes} cubes, {self.cpu_seconds:.0f} s CPU"
 

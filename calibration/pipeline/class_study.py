@@ -66,7 +66,7 @@ class ClassStudy:
 
     @property
     def source(self) -> str:
-        """Where the rates come from, in words."""
+        """A sentence on the source of the rates."""
         scenes = ", ".join(dict.fromkeys(record.spec.scene.name for record in self.sound))
         return f"{len(self.sound)} mechanics runs of {scenes}, {self._cpu_seconds:.0f} s CPU"
 
@@ -103,7 +103,7 @@ class GrowthStudy:
 
     @property
     def is_consistent(self) -> bool:
-        """Whether every comparison is."""
+        """True if every comparison is consistent."""
         return all(comparison.is_consistent for comparison in self.comparisons)
 
     @property

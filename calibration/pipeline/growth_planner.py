@@ -175,7 +175,8 @@ def make_growth_plan(request: PlanRequest, join: float, cost: Cost) -> PlannedGr
         found = affordable(table, prices, budget - least)
         if not found.any():
             raise ValueError(
-                f"{request.cpu_hours:g} CPU hours do not pay for a run of growth and {FEWEST} held-out runs of each "
+                f"{request.cpu_hours:g} CPU hours are not enough for a run of growth and {FEWEST} held-out runs of "
+                f"each "
                 f"size, {(least + float(prices.min())) / 3600:.3g} hours; give more --cpu-hours, or take fewer --cubes "
                 "or --held-out"
             )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -108,17 +108,8 @@ def _compared(scene: Scene, rates: Rates, specs: Sequence[RunSpec], outcome: Out
         if len(records) < 2:
             raise ValueError(f"fewer than two of the runs with {label} reached their end: nothing to compare")
         stage(f"comparing the runs with {label} with their prediction")
-        comparisons.append(
-            crossvalidate(
-                derivation.network,
-                rates,
-                [record.path for record in records],
-                np.linspace(0.0, alike[0].duration, points),
-                target=target,
-                label=label,
-                seed=alike[0].seed,
-                mechanics_cpu=sum(record.cost["cpu_seconds"] for record in records),
-                number=number,
-            )
-        )
+        grid, seed = np.linspace(0.0, alike[0].duration, points), alike[0].seed
+        found = crossvalidate(rates, [record.path for record in records], grid, target, seed=seed, number=number)
+        cpu = float(sum(record.cost["cpu_seconds"] for record in records))
+        comparisons.append(replace(found, label=label, mechanics_cpu=cpu))
     return ValidationStudy(tuple(comparisons), rates, outcome)

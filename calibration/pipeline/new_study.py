@@ -39,7 +39,7 @@ CUBES = {"cubes": (60, 120), "held_out": (40, 80, 160)}  # in such a tank; more 
 
 @dataclass(frozen=True, eq=False)
 class NewStudy:
-    """What `new_study` made. folder : where it is; compiled : the rule book; scene; planned : the plan, and its cost"""
+    """The result of `new_study`: its folder, the compiled rule book, the scene, and the plan with its cost."""
 
     folder: Path
     compiled: Compiled
@@ -65,8 +65,8 @@ def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, 
             derivation = derive(compiled.book)
         except ValueError as error:
             raise ValueError(
-                f"{target.name} has a book, but mechanics runs are read by a list of all structures: {error}; grow it "
-                "without a network by `wellmixed rules compile` and `wellmixed rules grow`"
+                f"{target.name} has a book, but mechanics runs need a list of all structures: {error}; grow it "
+                f"without a network by `wellmixed rules compile` and `wellmixed rules grow`"
             ) from None
         write_whole(made / TARGET, bytes_in(find(name_or_path, TARGETS, "target")))
         write_whole(made / BOOK, written(compiled.book, "\n".join(compiled.verified)))

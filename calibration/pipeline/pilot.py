@@ -39,7 +39,7 @@ class Pilot:
         return [RunSpec(self.scene, start, self.duration, self.seed, i) for i, start in enumerate(starts)]
 
     def described(self, cost: Cost) -> str:
-        """What it does at which cost, in words."""
+        """A sentence on the pilot runs and their cost."""
         specs = self.specs
         check_starts(specs)
         return f"{len(specs)} runs of {self.duration:g} tu, about {sum(map(cost, specs)) / 60:.1f} min of CPU time"

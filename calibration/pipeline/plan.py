@@ -45,7 +45,7 @@ class PlannedRuns(Settings):
 
 
 class VerdictRules(Settings):
-    """What counts as a prediction that holds, stated beforehand.
+    """The rules by which a prediction is judged, stated before the runs.
 
     p_row : smallest predictive p-value of any row of seen and expected events
     ratio, from_events : range of seen / expected wherever at least `from_events` events are expected
@@ -91,7 +91,7 @@ class StudyPlan(Settings):
 
     @classmethod
     def load(cls, path: str | Path) -> StudyPlan:
-        """Read a TOML file."""
+        """Read a plan from a TOML file."""
         source = Path(path)
         if not source.exists():
             raise ValueError(f"plan {source} does not exist; give the path of a TOML file")
@@ -99,7 +99,7 @@ class StudyPlan(Settings):
         return plan.replace(scene=str(source.parent / plan.scene)) if is_path(plan.scene) else plan
 
     def save(self, path: str | Path) -> None:
-        """Write as TOML, whole or not at all."""
+        """Write the plan as a TOML file, atomically."""
         target = Path(path)
         scene = os.path.relpath(self.scene, target.parent) if is_path(self.scene) else self.scene
         write_toml(self.as_dict(none=False) | {"scene": scene}, target)
@@ -138,6 +138,6 @@ def in_tank(scene: Scene, tank: tuple[float, float, float] | None) -> Scene:
 
 
 def is_plan(path: str | Path) -> bool:
-    """Whether this is the file of a plan, rather than a scene."""
+    """True if the file holds a plan, not a scene."""
     source = Path(path)
     return source.suffix == ".toml" and source.is_file() and "held_out" in read_toml(source)

@@ -16,7 +16,7 @@ from calibration.validating.power import GroupPower
 
 @dataclass(frozen=True)
 class PlanRequest:
-    """What a plan is to reach.
+    """The aims of a plan: precision, power and budget.
 
     width : relative 95 % half-width of every rate; cpu_hours : of all runs together, None: as many as it takes
     cubes : numbers of cubes of the calibration; along : times on the predicted path at which tanks are taken, tu
@@ -58,7 +58,7 @@ class PlanRequest:
 
 @dataclass(frozen=True)
 class HeldOutTest:
-    """What held-out runs of one size can tell of one group of channels.
+    """The power of held-out runs of one size for one group of channels.
 
     needed : runs that reach the power; None where `held_out.MOST_RUNS` do not
     limit : power that no number of runs exceeds, because the calibration leaves its uncertainty
@@ -121,7 +121,7 @@ class Planned(ABC):
 
     @property
     def cost(self) -> str:
-        """What all runs cost, in a line."""
+        """The CPU time of all runs, on one line."""
         return (
             f"CPU time: calibration {self.calibration_seconds / 3600:.2f} h, held-out runs "
             f"{self.held_out_seconds / 3600:.2f} h"
@@ -129,7 +129,7 @@ class Planned(ABC):
 
     @property
     def shortfalls(self) -> list[str]:
-        """What was asked for and is not reached, in sentences."""
+        """Sentences on the aims that the plan does not reach."""
         wanted, found = self.request, []
         if self.width > wanted.width * (1 + 1e-6):
             found.append(
@@ -139,7 +139,7 @@ class Planned(ABC):
         return found + _held_out_shortfalls(wanted, self.tests, self.held_out_runs, self.held_out_costs, self.width)
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it, ready for JSON."""
+        """The plan as a dictionary, ready for JSON."""
         return {
             "request": asdict(self.request),
             "tanks": self.tank_rows(),
@@ -155,7 +155,7 @@ class Planned(ABC):
 def _held_out_shortfalls(
     request: PlanRequest, tests: Iterable[HeldOutTest], runs: dict[int, int], costs: dict[int, float], width: float
 ) -> list[str]:
-    """What so many held-out runs of each size do not show after a calibration to a half-width, in sentences."""
+    """Sentences on shifts that the held-out runs of each size fail to detect after a calibration to a half-width."""
     found = []
     for test in tests:
         has = runs[test.cubes]

@@ -131,7 +131,7 @@ class PlannedStudy(Planned):
         return plots.planned_shares(ax, labels, shares | {"CPU minutes": [row["cpu_seconds"] / 60 for row in rows]})
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it, ready for JSON."""
+        """The plan as a dictionary, ready for JSON."""
         rates = [{"rate": name, "events": n, "half_width": float(half_width(n))} for name, n in self.events.items()]
         return super().to_dict() | {"rates": rates}
 
@@ -214,7 +214,8 @@ def make_plan(request: PlanRequest, rates: Rates, cost: Cost) -> PlannedStudy:
         if not runs.any():
             least = FEWEST * sum(sized.values()) + float(allocate(table, costs, 1e-6) @ costs)
             raise ValueError(
-                f"{request.cpu_hours:g} CPU hours do not pay for a run that shows each rate and {FEWEST} held-out runs "
+                f"{request.cpu_hours:g} CPU hours are not enough for a run that shows each rate and {FEWEST} "
+                f"held-out runs "
                 f"of each size, {least / 3600:.3g} hours; give more --cpu-hours, or take fewer --cubes or --held-out"
             )
     seen = runs @ np.array([tank.events for tank in tanks])
@@ -226,7 +227,7 @@ def make_plan(request: PlanRequest, rates: Rates, cost: Cost) -> PlannedStudy:
 def held_out_tests(
     request: PlanRequest, forecast: Forecast, events: Floats, sizes: Iterable[int]
 ) -> tuple[HeldOutTest, ...]:
-    """What held-out runs of each size can tell after a calibration with these events (R,)."""
+    """The power of held-out runs of each size after a calibration with these events (R,)."""
     derivation = book_of(Scene.load(request.scene).rules)[1]
     groups = joins_and_breaks(forecast.network)
     tests: list[HeldOutTest] = []

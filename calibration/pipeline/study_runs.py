@@ -37,7 +37,7 @@ def made(
     return run_all(specs, RunStore(runs_folder), workers=workers, progress=progress)
 
 
-def watched_run(scene: Scene, runs_folder: str | Path, *, cubes: int = 60, duration: float, seed: int) -> RunRecord:
+def pictured_run(scene: Scene, runs_folder: str | Path, *, cubes: int = 60, duration: float, seed: int) -> RunRecord:
     """One run from single cubes with its first and last poses, for a picture."""
     (spec,) = assembly_specs(scene, [cubes], 1, duration, seed)
     outcome = made([replace(spec, poses=duration)], runs_folder, progress=False)

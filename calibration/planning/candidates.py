@@ -53,7 +53,7 @@ def candidates(
 
 
 def wanted_rates(network: Network, each_break: bool = False) -> dict[str, NDArray[np.bool_]]:
-    """What is to be measured, name -> channels (R,) bool: every join, and all breaks together or each of them."""
+    """The rates to measure, name -> channels (R,) bool: every join, and all breaks together or each of them."""
     breaks = is_break(network)
     alone = [r for r in range(breaks.size) if each_break or not breaks[r]]
     groups = {network.channels[r]: np.arange(breaks.size) == r for r in alone}

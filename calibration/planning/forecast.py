@@ -43,12 +43,12 @@ class Forecast:
         return cls(rates.expansion(network), rates.draw_constants(network, rng, draws, tank), seed)
 
     def scaled(self, factors: ArrayLike) -> Self:
-        """The same forecast with the rates of each channel of the rule book multiplied by `factors` (R,)."""
+        """A copy of the forecast with the rates of each channel of the rule book multiplied by `factors` (R,)."""
         return replace(self, constants=self.constants * np.asarray(factors, dtype=float)[self.expansion.base_of])
 
     @property
     def network(self) -> Network:
-        """That of the rule book, one channel a break."""
+        """The network of the rule book, with one channel a break."""
         return self.expansion.base
 
     def paths(self, initial: ArrayLike, end: float) -> Iterator[JumpPath]:

@@ -42,7 +42,7 @@ def group_powers(
     duration: float,
     shift: float,
 ) -> list[GroupPower]:
-    """What held-out runs can tell of each group of channels.
+    """The power of held-out runs for each group of channels.
 
     events : (R,) events of each channel that the calibration is to count; the shape of the break model counts as known
     groups : name -> channels (R,) bool of the rule book

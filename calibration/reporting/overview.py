@@ -26,48 +26,49 @@ if TYPE_CHECKING:
 
 NOTABLE = 0.05  # events: a channel with fewer at every size is left out of the figure of events
 ABOUT_RATES = """
-Propensity = rate x ways x combinations of reactants. A rate is pooled events over pooled exposure; its limits are the
-exact 95 % limits of a Poisson count (Garwood 1936), also where nothing was seen.
+Propensity = rate x multiplicity x combinations of reactants. A rate is pooled events over pooled exposure; its interval
+is the exact 95 % interval of a Poisson count (Garwood 1936), even without events.
 """
 ABOUT_DIAGNOSTICS = """
-Each test asks whether one thing that a well-mixed Markov chain assumes is true of the runs, channel by channel; a dash
-means that the runs cannot tell. Every test conditions on the number of events of a channel, so that only the shape of
-its hazard is judged. Doubtful is what fails at 1 % for all tests together (Holm 1979).
+Each test checks one assumption of a well-mixed Markov chain against the runs, channel by channel; a dash means that the
+runs cannot decide. Every test conditions on the number of events of a channel, so it judges only the shape of the
+hazard. An assumption is doubtful if its test fails at 1 % for all tests together (Holm 1979).
 """
 ABOUT_BREAKS = """
 The AIC weighs likelihood against the number of parameters: smaller is better. The log score is that of breaks in runs
-that were left out of the fit: larger is better. The deviance compares the breaks of each kind of run with those
-expected. Where runs record who broke what, and the breaks call for a model with partners, that record chooses among the
-models that can explain it: only a model with walls can explain a break by a wall. The shape parameters then come from
-that record, too.
+left out of the fit: larger is better. The deviance compares observed and expected breaks for each kind of run. If the
+runs record the partner of each break, and the breaks call for a model with partners, the recorded partners choose among
+the models that can explain them: only a model with walls can explain a break by a wall. The shape parameters then come
+from the recorded partners, too.
 """
 ABOUT_VALIDATION = """
 Held-out mechanics runs from single cubes, which the rates never saw. The predicted band is that of the mean of as many
 runs, intrinsic noise and rate uncertainty together; the other band is a Student interval of the runs' mean. CRPS is the
-mean distance of a run from the predicted distribution, in copies, beside what the model scores against runs of its own.
-Coverage is the share of points inside a band; low and high are the middle 95 % of what simulated runs have of it.
+mean distance of a run from the predicted distribution, in copies; the model's score against its own runs is given for
+comparison. Coverage is the share of points inside a band; low and high are the middle 95 % of the coverage of simulated
+runs.
 """
 ABOUT_EVENTS = """
-Expected events are rate times exposure: what the rates promise in the states that the runs were in. The p-values are
+Expected events are rate times exposure: what the rates predict in the states that the runs visited. The p-values are
 the ranks of seen over expected among simulated groups of as many runs, each under its own draw of the rates; so they
-are exact and carry the uncertainty of the rates. Scatter is the dispersion of events between runs, about 1 under the
+are exact and include the uncertainty of the rates. Scatter is the dispersion of events between runs, about 1 under the
 model.
 """
 ABOUT_RULES = """
 They were stated before the runs, and each is judged by itself. The verdict below answers another question: whether all
-checks together, corrected for their number, speak against the prediction.
+checks together, corrected for their number, contradict the prediction.
 """
 ABOUT_SINGLE_RUNS = """
-For each run, where its joins and breaks (over those expected) and its final counts fall in their predicted distribution
-(PIT, the probability integral transform): evenly spread from 0 to 1 if the model holds. Their distance from an even
-spread is judged among simulated groups of as many runs.
+For each run, where its joins and breaks (over those expected) and its final counts lie in their predicted distribution
+(PIT, the probability integral transform): uniform from 0 to 1 if the model holds. Their distance from uniformity is
+judged against simulated groups of as many runs.
 """
 
 Draw = Callable[[Any], Any]
 
 
 def calibration_report(study: CalibrationStudy | ObservedStudy) -> HtmlReport:
-    """What the calibration runs showed."""
+    """The report of the calibration runs."""
     return HtmlReport(f"Rates of {study.name}", _calibration_parts(study), study.rates.evidence)
 
 
@@ -98,7 +99,7 @@ def _calibration_parts(study: CalibrationStudy | ObservedStudy) -> list[Part]:
         Heading("Rates"),
         *looks_parts,
         Text(f"{study.source}. {study.made} {ABOUT_RATES.strip()} {about_not_seen(study.calibration)}"),
-        ReportTable(f"{about}, per way and combination.", study.calibration.table(), "rates"),
+        ReportTable(f"{about}, per multiplicity and combination.", study.calibration.table(), "rates"),
         Chart(
             "Rates per combination of reactants.", partial(study.calibration.plot, references=references), name="forest"
         ),
@@ -113,9 +114,9 @@ def not_seen(calibration: Calibration) -> list[str]:
 
 
 def about_not_seen(calibration: Calibration) -> str:
-    """What is known of channels without events, in a sentence; nothing where all were seen."""
+    """A sentence on channels without events; "" if all were seen."""
     names = ", ".join(not_seen(calibration))
-    unseen = names and f"Not seen: {names}. Of a rate without events the runs give no more than the upper limit."
+    unseen = names and f"Not seen: {names}. For a rate without events the runs give only an upper bound."
     return " ".join(filter(None, (unseen, about_priors(calibration.not_measured))))
 
 
@@ -128,13 +129,13 @@ def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Par
         Heading("Do the runs behave like a well-mixed Markov chain?"),
         Text(f"{ABOUT_DIAGNOSTICS} {diagnosis.verdict}"),
         ReportTable(
-            "Verdicts, one row for each test, with the size and power that it was measured to have.",
+            "Verdicts, one row for each test, with its measured size and power.",
             diagnosis.verdicts(),
             f"{name}-verdicts",
         ),
         ReportTable("P-values, one row for each channel.", diagnosis.p_values(), f"{name}-p"),
         Chart(
-            "All p-values beside those of as many tests of a true model.",
+            "All p-values, compared with those of as many tests of a true model.",
             diagnosis.plot,
             rows=diagnosis.table(),
             name=name,
@@ -152,7 +153,7 @@ def _break_parts(compared: BreakComparison) -> list[Part]:
     """Break models side by side; the shape in words, its intervals at 95 %."""
     rows = [row | {"shape": shape_in_words(row["shape"])} for row in compared.table()]
     return [
-        Heading("Who breaks a bond"),
+        Heading("What breaks a bond"),
         Text(f"{ABOUT_BREAKS} The model {compared.chosen.model.name} is chosen: {compared.reason}."),
         ReportTable("Break models, fitted to the same runs.", rows, "breaks"),
         *([] if compared.doubles is None else [Text(f"Double breaks: {compared.doubles.sentence}.")]),
@@ -160,13 +161,13 @@ def _break_parts(compared: BreakComparison) -> list[Part]:
 
 
 def _rule_parts(rules: Sequence[Bar]) -> list[Part]:
-    """What was agreed beforehand; nothing without a plan."""
+    """The parts of a report on rules stated before the runs; none without a plan."""
     if not rules:
         return []
     return [
         Heading("The rules of the plan"),
         Text(f"{sum(bar.is_cleared is True for bar in rules)} of {len(rules)} rules hold. {ABOUT_RULES}"),
-        ReportTable("The rules, and what came.", [bar.to_dict() for bar in rules], "rules"),
+        ReportTable("The rules and the results.", [bar.to_dict() for bar in rules], "rules"),
     ]
 
 

@@ -32,21 +32,18 @@ from kinetics.support.intervals import student_interval
 # The 50th of 1,999 groups from either end bound a 95 % band: one more group falls below it with chance 50 / 2000.
 GROUPS = 1999
 MOST_GROUPS = 49_999  # where the p-value of some events stays small: p < 1e-4 can then be told from larger ones
+LEVEL = 0.95  # of bands and intervals
 EXACT_STATES = 200_000  # with more reachable states than these the prediction is the mean of SSA runs
 
 
 def crossvalidate(
-    network: Network,
     rates: Rates,
     paths: Sequence[JumpPath],
     times: ArrayLike,
     target: str | None = None,
-    label: str = "",
     runs: int = 1000,
     groups: int = GROUPS,
-    level: float = 0.95,
     seed: int = 0,
-    mechanics_cpu: float = float("nan"),
     exact_states: int = EXACT_STATES,
     number: int = 0,
     most_groups: int = MOST_GROUPS,
@@ -58,13 +55,12 @@ def crossvalidate(
     runs : number of SSA runs at the posterior mean of each rate constant
     groups : number of draws of the rates, each with as many runs as there are paths; the smallest p-value is
         1 / (groups + 1)
-    mechanics_cpu : CPU time of the held-out runs, s
     exact_states : with more reachable states than this, mean and first times are predicted by SSA, with its error
     number : of this comparison in its study; those of different numbers share draws of the rates, but no other
         random numbers
     most_groups : for the events of channels at most so many groups, twice as many each time while one of their p-values
         is small, see `sequential_p`
-    ValueError: no paths, or paths that are no held-out runs of this network from one initial state
+    ValueError: no paths, or paths that are no held-out runs of one network from one initial state
 
     Rates without evidence are taken as known: the band then holds intrinsic noise alone. At 120 cubes and 20 runs, a
     thousand groups of line4 cost about 0.4 s of CPU time.
@@ -74,39 +70,38 @@ def crossvalidate(
     >>> pairs = Network.from_text("2 A <-> AA, 0.01, 0.1")
     >>> paths = [sample_path(pairs, {"A": 20}, end=50.0, seed=1, run=run) for run in range(20)]
     >>> rates = estimate(paths[:10]).rates()
-    >>> found = crossvalidate(pairs, rates, paths[10:], times=[10.0, 50.0], groups=199, most_groups=199)
+    >>> found = crossvalidate(rates, paths[10:], times=[10.0, 50.0], groups=199, most_groups=199)
     >>> found.is_consistent
     True
     """
-    counts = _held_out(network, paths, times)
+    counts = _held_out(paths, times)
     grid = rising_times(times)
-    initial, n = paths[0].initial, len(paths)
+    network, initial, n = paths[0].network, paths[0].initial, len(paths)
     simulated = SimulatedGroups(network, rates, initial, n, seed, number, paths[0].tank)
     known = simulated.model
 
-    mean, sd, error, ssa_mean, cost = _predicted_mean(simulated, grid, runs, exact_states, mechanics_cpu)
+    mean, sd, error, ssa_mean, cost = _predicted_mean(simulated, grid, runs, exact_states)
     predicted = simulated.counts(groups, grid)
     means = predicted.mean(axis=1)
-    low, high = central_band(means, level)
-    run_low, run_high = central_band(predicted.reshape(-1, *predicted.shape[2:]), level)
+    low, high = central_band(means, LEVEL)
+    run_low, run_high = central_band(predicted.reshape(-1, *predicted.shape[2:]), LEVEL)
     after = grid > 0
     first = None
     if target:
         is_exact = len(rates.without_evidence()) == len(rates.channels)
         draws = None if is_exact else simulated.constants(0, groups)
         first_run = simulated.first_run(FIRST_TIMES)
-        first = compare_first_times(known, paths, target, level, seed, draws, first_run, exact_states)
+        first = compare_first_times(known, paths, target, LEVEL, seed, draws, first_run, exact_states)
     observed = counts.mean(axis=0)
     misfit, p_misfit = mean_misfit(observed, means)
     most = _most_copies(network, initial)
-    observed_low, observed_high = (np.clip(limit, 0.0, most) for limit in student_interval(counts, level))
+    observed_low, observed_high = (np.clip(limit, 0.0, most) for limit in student_interval(counts, LEVEL))
     held_out = HeldOutEvents.of(simulated, paths, float(grid[-1]), groups, most_groups)
     return CrossValidation(
-        label=label,
         network=known,
         times=grid,
         runs=n,
-        level=level,
+        level=LEVEL,
         observed_mean=observed,
         observed_low=observed_low,
         observed_high=observed_high,
@@ -133,12 +128,12 @@ def crossvalidate(
     )
 
 
-def _held_out(network: Network, paths: Sequence[JumpPath], times: ArrayLike) -> Ints:
+def _held_out(paths: Sequence[JumpPath], times: ArrayLike) -> Ints:
     """Counts (n, T, S) of the paths, or a ValueError where they are no held-out runs of one experiment."""
     if not paths:
         raise ValueError("no held-out runs; give at least one path")
     for i, path in enumerate(paths):
-        if path.network.fingerprint != network.fingerprint:
+        if path.network.fingerprint != paths[0].network.fingerprint:
             raise ValueError(f"path {i} is of another network: its channels are {', '.join(path.network.channels)}")
         if not np.array_equal(path.initial, paths[0].initial):
             raise ValueError(
@@ -151,7 +146,7 @@ def _held_out(network: Network, paths: Sequence[JumpPath], times: ArrayLike) -> 
 
 
 def _predicted_mean(
-    simulated: SimulatedGroups, grid: Floats, runs: int, exact_states: int, mechanics_cpu: float
+    simulated: SimulatedGroups, grid: Floats, runs: int, exact_states: int
 ) -> tuple[Floats, Floats, Floats, Floats, Cost]:
     """Mean, sd and error at the posterior mean rates, the mean of SSA runs, all (T, S), and what they cost."""
     known, initial, first_run = simulated.model, simulated.initial, simulated.first_run(0)
@@ -168,7 +163,7 @@ def _predicted_mean(
         error, exact_cpu = np.zeros_like(mean), time.process_time() - begin
     except TooManyStatesError:
         mean, sd, error, exact_cpu = ssa.mean(), ssa.sd(), ssa.standard_error(), float("nan")
-    return mean, sd, error, ssa.mean(), Cost(float(mechanics_cpu), ssa_cpu, runs, exact_cpu)
+    return mean, sd, error, ssa.mean(), Cost(ssa_cpu, runs, exact_cpu)
 
 
 def _most_copies(network: Network, initial: Ints) -> Floats:

@@ -112,12 +112,12 @@ class EventTotals:
         )
 
     def until(self, groups: int) -> EventTotals:
-        """Of the first groups alone."""
+        """The totals of the first groups only."""
         return EventTotals(self.seen[:groups], self.expected[:groups], self.chi_squared[:groups], self.freedom)
 
     @classmethod
     def pooled(cls, parts: Sequence[EventTotals]) -> EventTotals:
-        """The same groups of several experiments, summed; each experiment keeps its own seen / expected."""
+        """Events of several experiments summed by group; the scatter is about each experiment's own seen / expected."""
         return cls(
             np.sum([part.seen for part in parts], axis=0),
             np.sum([part.expected for part in parts], axis=0),
@@ -201,15 +201,16 @@ class HeldOutEvents:
 
     @property
     def tank(self) -> Tank | None:
-        """That of the runs, where it is known."""
+        """The tank of the runs; None if it is not known."""
         return self.groups.tank
 
     def run_values(
         self, counts: Ints, simulated: Counts, species: Sequence[str]
     ) -> tuple[tuple[str, ...], Floats, Floats]:
-        """What a single run is judged by: names, and values (n, Q) and (first, n, Q) of joins, breaks, final counts.
+        """The figures that single runs are judged by: joins, breaks and final counts, seen and simulated.
 
-        counts, simulated : (n, S) and (first, n, S) at the end. Events are taken over the expected ones.
+        counts, simulated : (n, S) and (first, n, S) at the end. Returns names, and values (n, Q) and (first, n, Q), in
+        which events are divided by the expected number.
         """
         pooled = [g for g, name in enumerate(self.names) if name in WHOLES]
         names = (*(self.names[g] for g in pooled), *species)
@@ -220,7 +221,7 @@ class HeldOutEvents:
         return names, values[0], values[1]
 
     def totals_off(self, group: str, factor: float, groups: int, part: int) -> EventTotals:
-        """Of groups of runs whose rates of one group of channels are `factor` times those calibrated."""
+        """Totals of groups of runs whose rates of one group of channels are `factor` times those calibrated."""
         stage(f"power to show {group} off by a factor of {factor:g}")
         factors = np.where(self._members[:, self.names.index(group)] > 0, factor, 1.0)
         return self._totals(self.groups.events_off(factors, groups, self.until, part))

@@ -86,7 +86,7 @@ class FirstTimeComparison(Shown):
 
     @property
     def is_exact(self) -> bool:
-        """Whether the predicted distribution is free of sampling error."""
+        """True if the predicted distribution is free of sampling error."""
         return self.samples == 0
 
     @property
@@ -215,7 +215,7 @@ def _passage(
     except (TooManyStatesError, TooLargeError):
         pass
     end = float(grid[-1])
-    found = Direct().simulate(network, initial, end, SAMPLES, seed, first_run=first_run, until=_present(species))
+    found = Direct().first_times(network, initial, _present(species), end, SAMPLES, seed, first_run=first_run)
     if found.truncated is not None:
         raise TruncatedRunsError(found.truncated)
     curve = np.searchsorted(np.sort(found.observed[found.is_reached]), grid, side="right") / SAMPLES

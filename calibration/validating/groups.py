@@ -15,7 +15,7 @@ import numpy as np
 from calibration.estimating.joins_and_breaks import joins_and_breaks
 from kinetics.network import Network, Tank
 from kinetics.rates import Rates
-from kinetics.sampling import Direct, exposures_of_draws, simulate_draws
+from kinetics.sampling import Direct, exposures_of_draws, simulate_posterior
 from kinetics.support.arrays import Floats, Ints
 
 BLOCK = 2000  # draws that come from one random stream
@@ -75,7 +75,7 @@ class SimulatedGroups:
     def counts(self, groups: int, times: Floats) -> np.ndarray:
         """Counts (groups, n, T, S) of the first groups; int32, which halves the memory."""
         counts = np.empty((groups, self.runs, times.size, len(self.model.species)), dtype=np.int32)
-        made = simulate_draws(
+        made = simulate_posterior(
             self.model, self.constants(0, groups), self.initial, times, self.runs, self.seed,
             method=Direct(), first_run=self.first_run(GROUPS),
         )  # fmt: skip
@@ -91,9 +91,9 @@ class SimulatedGroups:
         )  # fmt: skip
 
     def events_off(self, factors: Floats, groups: int, until: float, part: int) -> Iterator[tuple[Ints, Floats]]:
-        """The same for other runs, as if the rate constants were these factors (R,) times what they are.
+        """Events and exposures (n, R) of other runs, whose rate constants are multiplied by factors (R,).
 
-        part : of those asked for of one experiment, its number
+        part : number of this set of runs among those of the experiment; it selects their random streams
         """
         return exposures_of_draws(
             self.model, self.constants(0, groups) * factors, self.initial, until, self.runs, self.seed,

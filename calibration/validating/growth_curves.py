@@ -79,7 +79,7 @@ class GrowthComparison(Shown, Tabular):
     @property
     def headline(self) -> str:
         """Of what, and how many runs beside how many predicted groups."""
-        return f"{self.label}, {self.runs} runs beside {self.groups} predicted groups of as many"
+        return f"{self.label}, {self.runs} runs, compared with {self.groups} predicted groups of as many"
 
     def summary(self) -> ResultTable:
         """The curves at the last time; the verdict below."""
@@ -109,7 +109,7 @@ class GrowthComparison(Shown, Tabular):
 
     @property
     def is_consistent(self) -> bool:
-        """Whether no check failed at 1 %, corrected for their number."""
+        """True if no check fails at 1 %, corrected for their number."""
         return self.verdict.is_consistent
 
     @property
@@ -134,11 +134,11 @@ class GrowthComparison(Shown, Tabular):
 
     @property
     def is_clear(self) -> bool:
-        """Whether no p-value asks for more groups."""
+        """True if no p-value needs more groups to be clear."""
         return bool(min([*self.p_misfit, *(e.p for e in self.events)]) >= clear_p(self.groups))
 
     def with_clear_ones_of(self, fewer: GrowthComparison) -> GrowthComparison:
-        """The same with the p-values that were clear among fewer groups: valid at every level, see `sequential_p`."""
+        """A copy with the p-values that were clear with fewer groups: valid at every level, see `sequential_p`."""
         clear = clear_p(fewer.groups)
         known = {e.kind: e for e in fewer.events if e.p >= clear}
         places = {name: v for v, name in enumerate(fewer.curves) if fewer.p_misfit[v] >= clear}
@@ -189,7 +189,7 @@ class GrowthComparison(Shown, Tabular):
         return pd.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it, ready for JSON."""
+        """The comparison as a dictionary, ready for JSON."""
         return {
             "label": self.label,
             "runs": self.runs,

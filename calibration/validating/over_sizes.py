@@ -49,7 +49,7 @@ class ComparedSizes:
 
     @property
     def is_consistent(self) -> bool:
-        """Whether no check failed at 1 %, corrected for their number."""
+        """True if no check fails at 1 %, corrected for their number."""
         return self.verdict.is_consistent
 
     def summary(self) -> list[dict[str, Any]]:

@@ -57,7 +57,7 @@ def _counts(mean: float, rates_sd: float) -> Any:
 
 @dataclass(frozen=True)
 class GroupPower:
-    """What held-out runs can tell of a group of channels, such as all joins.
+    """The power of held-out runs for a group of channels, such as all joins.
 
     expected : events of a run
     rates_sd : relative standard deviation that the calibration leaves to what is expected
@@ -70,7 +70,7 @@ class GroupPower:
     shifted: tuple[tuple[float, float], ...]
 
     def power(self, runs: float = 1, level: float = LEVEL) -> float:
-        """Of so many runs, for the shift that is hardest to see; see `power`."""
+        """The power of so many runs for the shift that is hardest to detect; see `power`."""
         # 0 events of infinitely many runs are nan, by which no power is 0
         return min(power(runs * events, factor, self.rates_sd, level) for factor, events in self.shifted)
 
@@ -91,7 +91,7 @@ class Power:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """A sentence on the power."""
         return (
             f"{self.group} off by {100 * self.off_by:g} % with probability {100 * self.in_row:.0f} % "
             f"(p ≤ {LEVEL:g} in their row; {100 * self.in_verdict:.0f} % by the verdict)"
@@ -99,13 +99,13 @@ class Power:
 
 
 def powers(held_out: Sequence[HeldOutEvents], checks: int) -> tuple[Power, ...]:
-    """Of joins and breaks where there are any, where the verdict rests on so many checks."""
+    """The power for joins and for breaks, if there are any, when the verdict rests on so many checks."""
     found = [power_of_runs(held_out, name) for name in held_out[0].names if name in WHOLES]
     return tuple(Power(each.group, OFF_BY, each.power(), each.power(level=LEVEL / checks)) for each in found)
 
 
 def power_of_runs(held_out: Sequence[HeldOutEvents], group: str, off_by: float = OFF_BY) -> GroupPower:
-    """What the held-out runs of one experiment, or of several pooled, can tell; `a run` is then all of them."""
+    """The power of all held-out runs of one experiment, or of several pooled, taken as one run."""
     column = held_out[0].names.index(group)
     totals = np.sum([each.expected_by_draw(group, DRAWS) for each in held_out], axis=0)
     mean = float(totals.mean())

@@ -17,7 +17,7 @@ from kinetics.support.shown import ResultTable, Shown
 class ConsistencyCheck:
     """One thing that held-out runs were tested for.
 
-    what : in words, with what was seen and expected
+    what : the check, with seen and expected values
     p, least : p-value, and the smallest that the test can give
     """
 
@@ -27,13 +27,13 @@ class ConsistencyCheck:
 
     @property
     def sentence(self) -> str:
-        """What and p."""
+        """The check and its p-value, on one line."""
         return f"{self.what}, {shown_p(self.p, self.least)}"
 
 
 @dataclass(frozen=True, repr=False)
 class Verdict(Shown):
-    """Whether the held-out runs are consistent with the prediction.
+    """The verdict on whether held-out runs are consistent with the prediction.
 
     checks : all of them, the smallest p-value first
     failed : those that fail at 1 % by Holm's (1979) correction for their number
@@ -45,7 +45,7 @@ class Verdict(Shown):
 
     @property
     def headline(self) -> str:
-        """Whether all checks passed, of how many."""
+        """One line: the verdict and the number of checks."""
         word = "consistent with the prediction" if self.is_consistent else f"not consistent: {len(self.failed)} fail"
         return f"{word}, {len(self.checks)} checks at {100 * LEVEL:g} %"
 
@@ -58,7 +58,7 @@ class Verdict(Shown):
 
     @property
     def is_consistent(self) -> bool:
-        """Whether no check failed."""
+        """True if no check failed."""
         return not self.failed
 
     @property

@@ -6,6 +6,7 @@ import click
 import numpy as np
 
 from kinetics.commands.models import applied, conditions, described
+from kinetics.support.cli.declared import POSITIVE, default_option
 from kinetics.support.cli.failures import INTERRUPTED
 from kinetics.support.cli.options import (
     DURATION,
@@ -17,9 +18,9 @@ from kinetics.support.cli.options import (
     model_options,
     plot_option,
     seed_option,
+    write_tables,
 )
 from kinetics.support.cli.progress import progress_line
-from kinetics.support.output import write_whole
 from kinetics.support.plots import save
 from kinetics.trust.accuracy.diagram import measure
 from kinetics.trust.accuracy.plot import draw
@@ -29,21 +30,15 @@ TIMES = 101  # at which distributions are compared
 
 @click.command(cls=HeadedCommand)
 @model_options
-@click.option(
-    "--duration",
-    metavar="T",
-    type=float,
-    default=DURATION,
-    show_default=True,
-    help="Time span over which the methods are compared, tu.",
+@default_option(
+    "--duration", metavar="T", type=float, default=DURATION, help="Time span over which the methods are compared, tu."
 )
-@click.option(
+@default_option(
     "--budget",
     metavar="MINUTES",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     default=20.0,
-    show_default=True,
-    help="CPU time allowed, minutes; the most expensive settings are skipped where they would exceed it.",
+    help="CPU time allowed, minutes; the most expensive settings are skipped if they would exceed it.",
 )
 @csv_option
 @plot_option
@@ -77,8 +72,7 @@ def kinetics(
             f"{asked.source}, {counts}", model, None, np.linspace(0.0, duration, TIMES), seed=seed,
             budget=60 * budget, report=lambda text: click.echo(text, err=as_json), progress=progress,
         )  # fmt: skip
-    for csv_file in csv_files:
-        write_whole(csv_file, made.to_dataframe().to_csv(index=False, float_format="%.6g"))
+    write_tables(csv_files, made.to_dataframe, float_format="%.6g")
     for plot_file in plot_files:
         save(plot_file, lambda ax: draw(made, ax), size=(8.0, 5.0))
     if as_json:

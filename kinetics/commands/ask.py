@@ -12,6 +12,7 @@ from kinetics.commands.models import applied, described, instead_of_many_states
 from kinetics.markov import Sensitivity, prism_text, write_explicit
 from kinetics.markov.questions import parse
 from kinetics.markov.settling import answering_chains
+from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.options import (
     HeadedCommand,
     ModelOptions,
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 MODELS = (".sm", ".prism")
 INSTEAD = (
     "Truncate the chain by --truncate, which gives bounds; --stop it where what you ask is decided; start from "
-    "fewer copies, raise --max-states if they have an end, or sample by `wellmixed scan`"
+    "smaller counts, raise --max-states if the chain is finite, or sample by `wellmixed scan`"
 )
 
 
@@ -46,29 +47,23 @@ INSTEAD = (
 @click.option(
     "--stop",
     metavar="CONDITION",
-    help="Stop the chain of a network where this holds, and do not explore what lies beyond.",
+    help="Explore no further from states of a network in which this holds.",
 )
 @truncate_option
-@click.option(
-    "--max-states",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=1_000_000,
-    show_default=True,
-    help="Refuse a network that can reach more states.",
-)
+@count_option("--max-states", default=1_000_000, help="Refuse a network that reaches more states than this.")
 @click.option(
     "--out",
     "out_file",
     metavar="FILE",
     callback=in_a_folder,
-    help="Write the chain to a .tra file and those beside it, or the network to a .sm or .prism model of PRISM.",
+    help="Write the chain to PRISM's explicit files (.tra and its companions), or the network to a PRISM model "
+    "(.sm, .prism).",
 )
 @click.option(
     "--sensitivity",
     "with_sensitivity",
     is_flag=True,
-    help="Say what each rate constant of a network does to each answer.",
+    help="Report derivative and elasticity of each answer by each rate constant of a network.",
 )
 @budget_option
 @json_option
@@ -76,22 +71,22 @@ def ask(
     asked: ModelOptions,
     questions: tuple[str, ...],
     stop: str | None,
-    within: str | int | None,
+    truncate: str | int | None,
     max_states: int,
     out_file: str | None,
     with_sensitivity: bool,
     budget: float,
     as_json: bool,
 ) -> None:
-    """Answer exact questions about a Markov chain: probabilities, rewards and the steady state, with bounds.
+    """Answer questions about a Markov chain: probabilities, rewards and the steady state, with bounds.
 
     NETWORK is a rule book, which needs --rates and --cubes, a network file that contains both, or a .tra file as PRISM
     and Storm write it. A QUESTION is one of theirs, such as 'P=? [ F<=100 quadmer >= 1 ]', 'P=? [ a > 0 U b = 3 ]',
     'S=? [ monomer < 5 ]' or 'R{"quadmer"}=? [ I=100 ]'; F, U and G take time bounds <=t and [a,b], R takes I=t, C<=t,
     F and S. Species count as variables and as rewards. Times are in tu.
 
-    For F, G and U a chain is followed no further than to where the answer is settled. A network that has no end even
-    so is truncated by --truncate; the bounds hold for any behaviour outside.
+    For F, G and U, states are explored only until the answer is settled. If that still leaves infinitely many,
+    --truncate truncates the chain; the bounds hold for any behaviour outside.
     """
     if not questions and out_file is None:
         raise ValueError(
@@ -107,7 +102,7 @@ def ask(
         }
         given |= {
             "--copies-per-unit": asked.copies_per_unit,
-            "--truncate": within,
+            "--truncate": truncate,
             "--set": asked.chosen or None,
             "--tank": asked.edges,
         }
@@ -116,7 +111,7 @@ def ask(
     else:
         model = applied(*described(asked))
         # What is written is the whole chain, which then answers all questions.
-        chains = answering_chains([] if out_file else queries, model, stop, within, max_states)
+        chains = answering_chains([] if out_file else queries, model, stop, truncate, max_states)
     found: dict[int, tuple[Answer, Derivatives | None]] = {}
     states = rates = 0
     with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:

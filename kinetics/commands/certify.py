@@ -9,6 +9,7 @@ import click
 
 from kinetics.assembly import RuleBook
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.failures import CHECKED
 from kinetics.support.cli.options import echo_json, json_option
 from kinetics.support.limits import text_in
@@ -17,14 +18,7 @@ from kinetics.support.limits import text_in
 @click.command()
 @click.argument("book", shell_complete=shipped("book"))
 @click.argument("certificate", type=click.Path(exists=True, dir_okay=False))
-@click.option(
-    "--steps",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=1_000_000,
-    show_default=True,
-    help="Most answers tried in each search for a book with fewer letters.",
-)
+@count_option("--steps", default=1_000_000, help="Most answers tried in each search for a book with fewer letters.")
 @json_option
 def certify(book: str, certificate: str, steps: int, as_json: bool) -> None:
     """Verify what CERTIFICATE, of `wellmixed rules compile --certificate`, claims of the rule book BOOK.

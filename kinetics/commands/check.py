@@ -7,6 +7,7 @@ import click
 from kinetics.assembly import RuleBook
 from kinetics.assembly import check as examine
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.failures import CHECKED, INTERRUPTED
 from kinetics.support.cli.options import echo_json, json_option, plot_option
 from kinetics.support.cli.progress import progress_line
@@ -14,40 +15,34 @@ from kinetics.support.cli.progress import progress_line
 
 @click.command()
 @click.argument("book", shell_complete=shipped("book"))
-@click.option(
-    "--max-cubes",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="Size of the largest structure explored, cubes.  [default: 12, or the target's size if larger]",
+@count_option(
+    "--max-cubes", help="Size of the largest structure explored, cubes.  [default: 12, or the target's size if larger]"
 )
-@click.option(
-    "--max-species",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=2000,
-    show_default=True,
-    help="Largest number of structures explored.",
-)
-@click.option(
-    "--slow-waves/--no-slow-waves",
+@count_option("--max-species", default=2000, help="Largest number of structures explored.")
+@default_option(
+    "--delayed-updates/--no-delayed-updates",
     default=True,
-    show_default=True,
     help="Also explore collisions that happen before the internal rules have settled.",
 )
 @plot_option
 @json_option
 def check(
-    book: str, max_cubes: int | None, max_species: int, slow_waves: bool, plot_files: tuple[str, ...], as_json: bool
+    book: str,
+    max_cubes: int | None,
+    max_species: int,
+    delayed_updates: bool,
+    plot_files: tuple[str, ...],
+    as_json: bool,
 ) -> None:
     """Verify the rule book BOOK (a shipped book or a .toml file) by exploring everything it can assemble.
 
-    It reports off-target structures, dead ends, traps, starvation, growth without end, livelocks and unused rules, each
+    It reports off-target structures, dead ends, traps, starvation, unbounded growth, livelocks and unused rules, each
     with the shortest sequence of events that leads to it; --plot draws these. Exit code 1 if there are errors. Ctrl-C
     reports what was explored so far.
     """
     with progress_line() as progress:
         report = examine(
-            *(RuleBook.load(book), max_cubes, max_species, slow_waves),
+            *(RuleBook.load(book), max_cubes, max_species, delayed_updates),
             lambda explored, found: progress(f"{explored} of {found} explored"),
         )
     for plot_file in plot_files:
@@ -59,8 +54,8 @@ def check(
                 "correct": report.is_correct,
                 "structures": report.n_structures,
                 "events": report.n_events,
-                "coming_home": report.recoverability._asdict(),
-                "slow_waves": report.waves,
+                "recoverability": report.recoverability._asdict(),
+                "delayed_updates": report.waves,
                 "findings": [
                     {
                         "kind": finding.kind,

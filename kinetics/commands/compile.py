@@ -15,6 +15,7 @@ from kinetics.assembly import Senses
 from kinetics.assembly.compiler import Target, compile_book
 from kinetics.assembly.rules.writing import written
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import POSITIVE, count_option, default_option
 from kinetics.support.cli.options import echo_json, in_a_folder, json_option, seed_option
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
@@ -51,18 +52,14 @@ def time_since_start() -> float:
     help="Joins of the book, such as 1+1,1+2 or 2.a+1->3.b.  [default: those with the fewest letters and rules]",
 )
 @click.option("--breaks/--no-breaks", default=None, help="Whether bonds can break.  [default: as the target says]")
-@click.option(
-    "--max-letters",
-    metavar="N",
-    type=click.IntRange(min=2),
-    help="Largest number of letters (states of a cube).  [default: as the target says, or 8]",
+@count_option(
+    "--max-letters", least=2, help="Largest number of letters (states of a cube).  [default: as the target says, or 8]"
 )
-@click.option(
+@default_option(
     "--time-limit",
     metavar="SECONDS",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     default=600,
-    show_default=True,
     help="Wall time after which the command ends, its start included, s; a book found before does not depend on it.",
 )
 @click.option(
@@ -93,9 +90,9 @@ def compile_(
     A target file draws the cubes in `layers` (# a cube, a dot for none; x, y or z a cube whose top looks along that
     axis) or lists their places as `cubes`; it may set `seed`, `senses`, `joins`, `breaks` and `max_letters`.
 
-    The book is verified before it is printed, with what was searched: the weakest senses that do, unless the options or
-    the target name them, then the fewest letters, then few rules. --seed matters only for structures that grow from a
-    seed cube.
+    The search takes the weakest sufficient senses, unless the options or the target name them, then the fewest letters,
+    then few rules. The book is verified before it is printed, with a report of the search. --seed matters only for
+    structures that grow from a seed cube.
     """
     wanted = Target.load(target)
     if faces or roll or across or touched:

@@ -53,15 +53,15 @@ def derive(
     break_name: str | None,
     as_json: bool,
 ) -> None:
-    """Derive the reaction network of a rule book, with ways counted from geometry, or read a network file.
+    """Derive the reaction network of a rule book, with multiplicities counted from geometry, or read a network file.
 
     NETWORK is a rule book or a network file; --out writes it in another format, for which a book needs --rates, and
     --cubes or --initial; the rates say how bonds break. The command draws no random numbers.
     """
     if break_name and (out_file or is_network_file(asked.source)):
         raise ValueError(
-            "--break-model shows the network of a rule book without rates; with --out the rates say how bonds break, "
-            "and a network file has the channels that it has"
+            "--break-model needs a rule book without rates; with --out the rates decide how bonds break, and the "
+            "channels of a network file are fixed"
         )
     if out_file and Path(out_file).suffix.lower() in (".xml", ".sbml"):
         require("libsbml")

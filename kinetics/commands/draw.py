@@ -12,6 +12,7 @@ from kinetics.assembly import RuleBook, derive
 from kinetics.assembly.drawing.pictures import below_left, face_key, species_sheet, strip, structure_drawing
 from kinetics.assembly.rules.rule_book import BOOKS
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import echo_json, json_option, picture_of, seed_option
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.config import find, read_toml
@@ -27,39 +28,21 @@ PLACEHOLDER = "#"  # of cubes that have no letter yet
 
 @click.command()
 @click.argument("book", metavar="BOOK|TARGET", shell_complete=shipped("book", "target"))
-@click.option(
+@default_option(
     "--what",
     type=click.Choice(["structure", "book", "network", "species", "growth"]),
     default="structure",
-    show_default=True,
     help="What to draw: the finished structure; the rules as a state diagram; the derived reaction network as a graph; "
     "all species of that network; or a growth sequence from the first cube to the last.",
 )
 @click.option(
     "--out", "out", metavar="FILE", required=True, callback=picture_of, help="The PNG, PDF or SVG file to write."
 )
-@click.option(
-    "--frames",
-    metavar="N",
-    type=click.IntRange(min=2),
-    default=FRAMES,
-    show_default=True,
-    help="Number of pictures in a growth sequence.",
+@count_option("--frames", least=2, default=FRAMES, help="Number of pictures in a growth sequence.")
+@count_option(
+    "--max-cubes", help="Size of the largest structure explored, cubes.  [default: 12, or the target's size if larger]"
 )
-@click.option(
-    "--max-cubes",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="Size of the largest structure explored, cubes.  [default: 12, or the target's size if larger]",
-)
-@click.option(
-    "--max-species",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=2000,
-    show_default=True,
-    help="Largest number of species explored.",
-)
+@count_option("--max-species", default=2000, help="Largest number of species explored.")
 @seed_option
 @json_option
 def draw(

@@ -14,9 +14,9 @@ from kinetics.networkfree import grow as make
 from kinetics.rates import ClassRates
 from kinetics.runs.truncation import TruncatedRunsError, Truncation
 from kinetics.sampling.watch import MAX_EVENTS
-from kinetics.support import plots
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
     NumbersCommand,
@@ -28,9 +28,10 @@ from kinetics.support.cli.options import (
     plot_option,
     seed_option,
     time_grid,
+    write_plots,
+    write_tables,
 )
 from kinetics.support.cli.progress import progress_line
-from kinetics.support.output import write_whole
 from kinetics.support.tables import text_table, with_spread
 
 if TYPE_CHECKING:
@@ -47,26 +48,13 @@ FRAMES = 8  # of a strip
 
 @click.command(cls=NumbersCommand)
 @click.argument("book", shell_complete=shipped("book"))
-@click.option(
-    "--cubes",
-    metavar="N",
-    type=click.IntRange(min=1),
-    required=True,
-    help="Number of free cubes at time 0, not counting the seed.",
-)
-@click.option(
-    "--seeds",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="Number of seeds at time 0, for a book that grows from a seed.  [default: 1]",
-)
+@count_option("--cubes", required=True, help="Number of free cubes at time 0, not counting the seed.")
+@count_option("--seeds", help="Number of seeds at time 0, for a book that grows from a seed.  [default: 1]")
 @click.option("--rates", "rates_file", metavar="FILE", help="Rates by class: a .toml file.")
-@click.option(
+@count_option(
     "--posterior-draws",
     "draws",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="With --rates: spread the runs over so many draws of the rates from their evidence.  [default: none]",
+    help="With --rates: spread the runs over this many draws of the rates from their posterior.  [default: none]",
 )
 @click.option(
     "--join",
@@ -83,16 +71,11 @@ FRAMES = 8  # of a strip
 )
 @click.option("--duration", metavar="T", type=float, help="Simulated time, tu.  [default: 2000]")
 @click.option("--times", type=float, multiple=True, metavar="T ...", help="Report at these times instead, tu.")
-@click.option(
-    "--runs", metavar="N", type=click.IntRange(min=1), default=20, show_default=True, help="Number of independent runs."
-)
-@click.option(
+@count_option("--runs", default=20, help="Number of independent runs.")
+@count_option(
     "--max-events",
-    metavar="N",
-    type=click.IntRange(min=1),
     default=MAX_EVENTS,
-    show_default=True,
-    help="Most events of a run. Where one would come to more, figures end before it.",
+    help="Maximum number of events in a run; results end where a run would exceed it.",
 )
 @click.option(
     "--strip",
@@ -131,7 +114,7 @@ def grow(
     The simulation is statistically exact, as sampling in `predict` is, and works for books that can assemble any number
     of structures. Rates by class come from `calibrate` and are described in docs/class_rates.md. It reports mean and
     standard deviation over the runs. Ctrl-C keeps the runs that are finished. Exit code 4: a run was truncated, and
-    there are fewer times than were asked for.
+    there are fewer times than requested.
     """
     began = time.process_time()
     rules = RuleBook.load(book)
@@ -150,10 +133,8 @@ def grow(
             raise TruncatedRunsError(truncated)
         grid = grid[grid <= truncated.until]
     cpu_seconds = time.process_time() - began
-    for csv_file in csv_files:
-        write_whole(csv_file, made.to_dataframe(grid).to_csv(index=False))
-    for plot_file in plot_files:
-        plots.save(plot_file, lambda ax: made.plot(ax, grid))
+    write_tables(csv_files, lambda: made.to_dataframe(grid))
+    write_plots(plot_files, lambda ax: made.plot(ax, grid))
     for file in strips:
         moments = made.runs[0].milestones(FRAMES)
         captions = [f"{moment:.4g} tu" for moment in moments]
@@ -175,7 +156,7 @@ def grow(
 
 
 def _truncation(made: Growths, grid: Floats, most: int) -> Truncation | None:
-    """What to say of runs that made as many events as they may; None where all times asked for came before."""
+    """The truncation of runs that reached the most events; None if they passed all times asked for before."""
     ends = np.array(made.truncated)
     first, known = int(np.argmin(ends)), np.sort(grid)
     later = known[known > ends[first]]
@@ -200,7 +181,7 @@ def _truncation(made: Growths, grid: Floats, most: int) -> Truncation | None:
 
 
 def _start(rules: RuleBook, cubes: int, seeds: int | None) -> int | dict[Structure, int]:
-    """What the tank holds at time 0."""
+    """The contents of the tank at time 0."""
     if seeds is None:
         return cubes
     seed = rules.seed()
@@ -269,11 +250,11 @@ def _table(made: Growths, grid: Floats) -> str:
 
 
 def _notes(made: Growths, cpu_seconds: float) -> list[str]:
-    """What the table means, what became of the target, what the runs end with and what they cost."""
+    """Notes below the table: its meaning, the target's yield, how runs ended, and their cost."""
     n, events = len(made.runs), sum(run.times.size for run in made.runs)
     draws = sum(run.draws for run in made.runs)
     what = "mean ± sd of a run" if n > 1 else "of a single run, which has no spread"
-    notes = [f"{what}: structures by their number of cubes, and the cubes of the largest one"]
+    notes = [f"{what}: structures by their number of cubes, and the size of the largest"]
     if made.target is not None:
         first = made.first_times(made.target)
         reached = int(np.isfinite(first).sum())

@@ -21,7 +21,7 @@ MOST_SHOWN = 30  # species that are shown without being asked for
 
 @contextmanager
 def instead_of_many_states(advice: str) -> Iterator[None]:
-    """Where a network reaches too many states, say what this command can do about it."""
+    """Replace the advice of an error about too many states by what this command can do."""
     try:
         yield
     except ValueError as error:
@@ -148,7 +148,7 @@ def is_network_file(source: str) -> bool:
 
 
 def _are_whole(weights: Mapping[str, float]) -> bool:
-    """Whether a sum counts every species a whole number of times."""
+    """True if a sum counts every species a whole number of times."""
     return all(weight >= 0 and weight == int(weight) for weight in weights.values())
 
 
@@ -158,19 +158,19 @@ def _from_file(asked: ModelOptions) -> tuple[Model, Rates | None]:
 
     source, rates_name = asked.source, asked.rates_name
     if asked.edges is not None:
-        raise ValueError(
-            f"{source} brings rates that state no tank; leave out --tank, or take a rule book with --rates"
-        )
+        raise ValueError(f"{source} has rates that state no tank; leave out --tank, or take a rule book with --rates")
     if asked.cubes is not None:
-        raise ValueError(f"--cubes {asked.cubes}: {source} has no cubes, and counts of its own; --initial gives others")
+        raise ValueError(
+            f"--cubes {asked.cubes}: {source} has no cubes but its own initial counts; change them by --initial"
+        )
     if rates_name is not None and asked.chosen:
-        raise ValueError("--rates takes the place of all rates of the file, and --set changes one; leave one out")
+        raise ValueError("--rates replaces all rates of the file, --set changes single parameters; leave one out")
     model = read(source, asked.copies_per_unit)
     model = model.with_parameters(**asked.chosen) if asked.chosen else model
     if asked.initial is not None:
         model = model.with_counts(counts_of(asked.initial))
     hidden = [name for name, weights in model.observables.items() if not _are_whole(weights)]
-    more = [f"no whole sums of counts, and not shown: {', '.join(hidden)}"] if hidden else []
+    more = [f"not shown, because they are not sums of counts with whole weights: {', '.join(hidden)}"] if hidden else []
     rates = None if rates_name is None else _rates_of(rates_name, model.network)
     return replace(model, notes=(*model.notes, *more)), rates
 
@@ -180,7 +180,9 @@ def _rates_of(name: str, network: Network) -> Rates:
     from kinetics.rates import Rates, are_by_class
 
     if are_by_class(name):
-        raise ValueError(f"{name} holds rates by class, which are those of rule books; a network file has channels")
+        raise ValueError(
+            f"{name} holds rates by class, which apply to rule books only; a network file needs rates by channel"
+        )
     rates = Rates.load(name)
     _ = rates.apply(network)  # else it is found out after the network has been shown
     return rates

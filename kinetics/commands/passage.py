@@ -17,8 +17,8 @@ from kinetics.predicting import predict_passage
 from kinetics.runs import TruncatedRunsError
 from kinetics.sampling import simulate
 from kinetics.sampling.watch import MAX_EVENTS
-from kinetics.support import plots
 from kinetics.support.answer import CONFIDENCE, Answer, kind_of
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import (
     HEADING,
     RULES,
@@ -32,6 +32,7 @@ from kinetics.support.cli.options import (
     plot_option,
     seed_option,
     truncate_option,
+    write_plots,
 )
 from kinetics.support.cli.progress import progress_line, stage
 from kinetics.support.tables import figure, in_unit, of_unit, text_table
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
 MOST = 1_000_000  # states
 MOST_EVENTS = 10_000_000  # of a sampled run without a horizon
 INSTEAD = (
-    "Truncate the chain by --truncate, which gives bounds; start from fewer copies, or sample the time: --method ssa"
+    "Truncate the chain by --truncate, which gives bounds; start from smaller counts, or sample the time: --method ssa"
 )
 QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 
@@ -55,44 +56,27 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
 @click.option(
     "--species", metavar="SPECIES", required=True, help="The species to wait for, or an observable of the network file."
 )
-@click.option(
-    "--copies",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Number of its copies to wait for.",
-)
-@heading(RULES)
-@click.option(
+@count_option("--copies", default=1, help="Number of its copies to wait for.")
+@default_option(
     "--method",
     type=click.Choice(["solve", "ssa"]),
     default="solve",
-    show_default=True,
     help="Solve for the time, or sample it: for networks of any size.",
 )
-@click.option(
-    "--runs",
-    metavar="N",
-    type=click.IntRange(min=2),
-    default=1000,
-    show_default=True,
-    help="Number of independent runs that are sampled.",
-)
+@count_option("--runs", least=2, default=1000, help="Number of independent runs to sample.")
 @click.option(
     "--horizon",
     metavar="TIME",
     type=click.FloatRange(min=0, min_open=True),
     default=np.inf,
-    help="Time at which a sampled run ends at the latest.  [default: when nothing can happen any more]",
+    help="Latest time at which a sampled run ends.  [default: when nothing can happen any more]",
 )
-@click.option(
+@heading(RULES)
+@count_option(
     "--posterior-draws",
     "draws",
-    metavar="N",
-    type=click.IntRange(min=2),
+    least=2,
     default=100,
-    show_default=True,
     help="Number of draws of the rates from which the interval is made.",
 )
 @heading(HEADING)
@@ -101,7 +85,8 @@ QUANTILES = (0.025, 0.25, 0.5, 0.75, 0.975)
     "--sensitivity",
     "with_sensitivity",
     is_flag=True,
-    help="Say what each rate constant does to mean, sd and quantiles, or to the probability where that is below 1.",
+    help="Report elasticities by each rate constant: of mean, sd and quantiles, or of the probability if it is "
+    "below 1.",
 )
 @plot_option
 @budget_option
@@ -115,7 +100,7 @@ def passage(
     runs: int,
     horizon: float,
     draws: int,
-    within: str | int | None,
+    truncate: str | int | None,
     with_sensitivity: bool,
     plot_files: tuple[str, ...],
     budget: float,
@@ -124,31 +109,31 @@ def passage(
 ) -> None:
     """Solve for the first-passage time to a number of copies of a species: mean, sd, quantiles, distribution function.
 
-    NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. The time is solved
-    for. If the rates come with their events and exposure, the mean is the posterior median of the mean time, with a
-    95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant. By --method ssa the
-    time is sampled at these rate constants, and the intervals show the number of runs alone.
-    A network with too many states is truncated by --truncate, which gives bounds.
+    NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. The time is solved,
+    not sampled. If the rates come with their events and exposure, the mean is the posterior median of the mean time,
+    with a 95 % interval; sd, quantiles and curve are those at the posterior mean of each rate constant. With --method
+    ssa the time is sampled at these rate constants, and the intervals reflect the number of runs only. For a network
+    with too many states, --truncate gives bounds.
     """
     began = time.process_time()
     model, rates, tank = given = described(asked)
     counted = model.counted(species)
-    if within is not None and (plot_files or with_sensitivity):
-        raise ValueError("--truncate gives bounds, which have neither --plot nor --sensitivity; leave one out")
+    if truncate is not None and (plot_files or with_sensitivity):
+        raise ValueError("--truncate gives bounds, for which there is neither --plot nor --sensitivity; leave one out")
     if method == "ssa":
-        if within is not None or with_sensitivity:
+        if truncate is not None or with_sensitivity:
             raise ValueError("--method ssa takes neither --truncate nor --sensitivity; leave them out")
         _sample(asked, given, species, copies, (runs, seed, horizon), plot_files, as_json)
         return
     slopes = None
     with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:
-        progress("solving for the passage")
-        if within is None:
+        progress("solving for the first-passage time")
+        if truncate is None:
             made = predict_passage(model, rates, None, counted, copies, seed, draws, tank)
             found, mean, notes, network = made.passage, made.mean, made.notes, made.network
         else:
             network = applied(*given).network
-            chain, goal = chain_to(replace(model, network=network), None, counted, copies, MOST, within)
+            chain, goal = chain_to(replace(model, network=network), None, counted, copies, MOST, truncate)
             found = chain.passage(goal, in_words(summed(network, counted)[1], copies))
             mean, notes = found.answer("mean"), ()
         progress("quantiles")
@@ -156,8 +141,7 @@ def passage(
         if with_sensitivity:
             progress("sensitivities")
             slopes = _sensitivities(replace(model, network=network), counted, copies, found)
-    for plot_file in plot_files:
-        plots.save(plot_file, found.plot)
+    write_plots(plot_files, found.plot)
     if as_json:
         curve = np.linspace(0.0, float(found.quantile(0.99 * found.probability)), 101)
         is_whole = found.earliest is None
@@ -214,7 +198,7 @@ def _when(found: Passage, time: Answer) -> str:
 
 
 class Sensitivities(NamedTuple):
-    """What each rate constant does to the mean, or to the probability; to sd and quantiles, as far as there are any.
+    """Derivatives by each rate constant: of the mean or the probability, and of sd and quantiles if there are any.
 
     refusal : why there are no quantiles
     """
@@ -283,8 +267,7 @@ def _sample(
                 f"{until} has not held in run {told.run} by {in_unit(f'{told.time:.4g}', unit)}, where it was "
                 f"truncated: {told.cause}; give a --horizon, at which runs end"
             ) from error
-    for plot_file in plot_files:
-        plots.save(plot_file, found.plot)
+    write_plots(plot_files, found.plot)
     quantiles = {q: found.answer(q) for q in QUANTILES}
     if as_json:
         echo_json(

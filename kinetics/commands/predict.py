@@ -15,7 +15,7 @@ from kinetics.commands.models import conditions, described, instead_of_many_stat
 from kinetics.predicting import AskedAccuracy
 from kinetics.predicting import predict as make
 from kinetics.sampling.watch import MAX_EVENTS
-from kinetics.support import plots
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
     HEADING,
@@ -32,17 +32,18 @@ from kinetics.support.cli.options import (
     plot_option,
     seed_option,
     time_grid,
+    write_plots,
+    write_tables,
 )
 from kinetics.support.cli.progress import progress_line
-from kinetics.support.output import write_whole
 from kinetics.support.tables import figure, in_unit, text_table
 
 if TYPE_CHECKING:
     from kinetics.predicting import AskedAccuracy, Elasticities, Prediction
 
 INSTEAD = (
-    "Keep only the likely states by --method fsp; start from fewer copies, or leave out --method, which samples",
-    "Ask for earlier times, start from fewer copies, or leave out --method, which samples",
+    "Keep only the likely states by --method fsp, start from smaller counts, or leave out --method to sample",
+    "Ask for earlier times, start from smaller counts, or leave out --method to sample",
 )  # of the others, and of fsp
 
 
@@ -59,11 +60,9 @@ INSTEAD = (
     "--show", "shown", multiple=True, metavar="NAME", help="Show only this species or observable; may be repeated."
 )
 @click.option("--method", type=MethodName(), help="Sampling or solving method.  [default: auto]")
-@click.option(
+@count_option(
     "--runs",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="Least number of runs, for a sampling method; with evidence, 100 under each draw of the rates.  "
+    help="Minimum number of runs of a sampling method; if the rates have evidence, 100 for each draw of the rates.  "
     "[default: 1000]",
 )
 @click.option(
@@ -71,40 +70,32 @@ INSTEAD = (
     metavar="SIZE",
     help="Choose method and number of runs so that every value shown is within SIZE: 1%, or 0.5 copies.",
 )
-@click.option(
+@default_option(
     "--accuracy-of",
     type=click.Choice(("mean", "sd", "distribution")),
     default="mean",
-    show_default=True,
-    help="What --accuracy is the error of.",
+    help="Quantity whose error --accuracy limits.",
 )
 @budget_option
-@click.option(
+@count_option(
     "--max-events",
-    metavar="N",
-    type=click.IntRange(min=1),
     default=MAX_EVENTS,
-    show_default=True,
-    help="Most events of a run. Where one would come to more, figures end before it.",
+    help="Maximum number of events in a run; results end where a run would exceed it.",
 )
-@click.option(
-    "--threads",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="Largest number of threads used.  [default: one per core]",
-)
+@count_option("--threads", help="Largest number of threads used.  [default: one per core]")
 @heading(RULES)
-@click.option(
+@count_option(
     "--posterior-draws",
     "draws",
-    metavar="N",
-    type=click.IntRange(min=2),
+    least=2,
     default=200,
-    show_default=True,
-    help="Least number of draws of the rates, for the runs and for the interval.",
+    help="Minimum number of posterior draws of the rates, for the runs and the interval.",
 )
 @click.option(
-    "--elasticity", "with_elasticity", is_flag=True, help="Say what each parameter of the rates does to the last means."
+    "--elasticity",
+    "with_elasticity",
+    is_flag=True,
+    help="Report the elasticity of each mean at the last time by each parameter of the rates.",
 )
 @click.option(
     "--elasticity-plot",
@@ -112,7 +103,7 @@ INSTEAD = (
     metavar="FILE",
     multiple=True,
     callback=picture_of,
-    help="Write bars of these elasticities to this PNG, PDF or SVG file; may be repeated.",
+    help="Write a bar chart of these elasticities to this PNG, PDF or SVG file; may be repeated.",
 )
 @heading(HEADING)
 @csv_option
@@ -148,20 +139,18 @@ def predict(
     expected to be cheapest; `transient` solves the master equation. Runs are not stored, so there may be millions;
     Ctrl-C reports those made so far.
 
-    With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until
-    they are enough, in 20 minutes of CPU time unless --budget says otherwise. 1% is relative to each species' largest
-    mean over the times, or to one copy where that is more. The report says what was chosen, what each way was forecast
-    to cost, the error reached, and what a tenth would cost.
+    With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until they
+    are enough, in 20 minutes of CPU time unless --budget says otherwise. 1% is relative to each species' largest mean
+    over the times, or to one copy where that is more. The report says what was chosen, what each method was forecast to
+    cost, the error reached, and what a tenth of the error would cost.
 
-    A run that would never end, because counts grow without limit or events are too quick, is truncated; figures are
-    given for the times before, and a note says why. Exit code 4: there are fewer times than were asked for.
+    A run that would not end, because counts grow without bound or events come too fast, is truncated; results are given
+    for the times before, with a note. Exit code 4: there are fewer times than requested.
     """
     asked_for = _accuracy(accuracy, accuracy_of)
     model, rates, tank = given = described(asked)
     if (with_elasticity or elasticity_files) and rates is None:
-        raise ValueError(
-            f"elasticities are those to the parameters of a rates file; {asked.source} brings rates of its own"
-        )
+        raise ValueError(f"elasticities are by the parameters of a rates file; {asked.source} has its own rates")
     grid, sums = time_grid(duration, times), shown_of(model, shown)
     chosen = None if method is None else within_budget(method, 60 * budget)
     is_default = click.get_current_context().get_parameter_source("budget") is ParameterSource.DEFAULT
@@ -177,13 +166,10 @@ def predict(
             progress("elasticities")
             drawn = None if made.drawn is None else made.drawn.at_last()
             found = count_elasticities(model, rates, None, made.times[-1:], drawn, sums, tank)
-    for csv_file in csv_files:
-        write_whole(csv_file, made.to_dataframe().to_csv(index=False))
-    for plot_file in plot_files:
-        plots.save(plot_file, made.plot)
+    write_tables(csv_files, made.to_dataframe)
+    write_plots(plot_files, made.plot)
     if found is not None:
-        for elasticity_file in elasticity_files:
-            plots.save(elasticity_file, partial(found.plot, names=made.network.species))
+        write_plots(elasticity_files, partial(found.plot, names=made.network.species))
     if as_json:
         has_interval = made.low is not None
         echo_json(
@@ -223,10 +209,10 @@ def predict(
 
 
 def _accuracy(size: str | None, of: str) -> AskedAccuracy | None:
-    """What is asked for; None where nothing is."""
+    """The accuracy asked for; None if there is none."""
     if size is None:
         if of != "mean":
-            raise ValueError(f"--accuracy-of {of}, but no --accuracy; say how small the error must be, as in 1%")
+            raise ValueError(f"--accuracy-of {of}, but no --accuracy; state it, as in --accuracy 1%")
         return None
 
     return AskedAccuracy.of_text(size, of)

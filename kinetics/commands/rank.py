@@ -15,8 +15,8 @@ from kinetics.assembly import RuleBook, derive
 from kinetics.assembly.rules.writing import written
 from kinetics.predicting.ranking import ranking
 from kinetics.rates import ClassRates
-from kinetics.support import plots
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.failures import INTERRUPTED
 from kinetics.support.cli.options import (
     budget_option,
@@ -26,6 +26,8 @@ from kinetics.support.cli.options import (
     json_option,
     plot_option,
     seed_option,
+    write_plots,
+    write_tables,
 )
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.config import read_toml
@@ -58,60 +60,27 @@ if TYPE_CHECKING:
     metavar="K",
     help="With --join: one rate constant for every break, 1/tu.  [default: 0]",
 )
-@click.option(
-    "--by",
-    type=click.Choice(["yield", "first"]),
-    default="yield",
-    show_default=True,
-    help="Rank by yield or by first-assembly time.",
+@default_option(
+    "--by", type=click.Choice(["yield", "first"]), default="yield", help="Rank by yield or by first-assembly time."
 )
-@click.option(
-    "--cubes",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=60,
-    show_default=True,
-    help="Number of free cubes at time 0.",
-)
-@click.option(
-    "--horizon",
-    metavar="T",
-    type=float,
-    default=2000.0,
-    show_default=True,
-    help="Time at which the yield is taken, tu.",
-)
-@click.option(
-    "--runs",
-    metavar="N",
-    type=click.IntRange(min=2),
-    default=1000,
-    show_default=True,
-    help="Number of runs for a book that has to be sampled.",
-)
-@click.option(
+@count_option("--cubes", default=60, help="Number of free cubes at time 0.")
+@default_option("--horizon", metavar="T", type=float, default=2000.0, help="Time at which the yield is taken, tu.")
+@count_option("--runs", least=2, default=1000, help="Number of runs for a book that is sampled.")
+@count_option(
     "--posterior-draws",
     "draws",
-    metavar="N",
-    type=click.IntRange(min=0),
+    least=0,
     default=0,
-    show_default=True,
     help="Number of draws of the rates, to account for their uncertainty.",
 )
-@click.option(
-    "--max-states",
-    metavar="N",
-    type=click.IntRange(min=0),
-    default=100_000,
-    show_default=True,
-    help="Books with more states than this are sampled, not solved.",
+@count_option(
+    "--max-states", least=0, default=100_000, help="Books with more states than this are sampled, not solved."
 )
-@click.option(
+@default_option(
     "--time-limit",
     metavar="SECONDS",
     type=float,
     default=20.0,
-    show_default=True,
     help="Wall time for compiling the books of a target, s.",
 )
 @click.option(
@@ -148,8 +117,8 @@ def rank(
     to the target, fewest joins first, until the time limit.
 
     The report gives the expected yield at the horizon and the mean time to the first target, each with its error:
-    solved exactly where the states are few enough, sampled otherwise. Books whose difference lies within the errors
-    share a place.
+    solved exactly if the states are few enough, sampled otherwise. Books that differ by less than their errors share a
+    rank.
     """
     with progress_line(budget=budget) as progress:
         loaded, notes = _books(books, time_limit, progress)
@@ -159,10 +128,8 @@ def rank(
     if best_file:
         best = made.books[0].name
         write_whole(best_file, written(next(book for book in loaded if book.name == best)))
-    for csv_file in csv_files:
-        write_whole(csv_file, made.to_dataframe().to_csv(index=False))
-    for plot_file in plot_files:
-        plots.save(plot_file, made.plot)
+    write_tables(csv_files, made.to_dataframe)
+    write_plots(plot_files, made.plot)
     if as_json:
         echo_json({"rates": rates.as_dict(without={"evidence"}, none=False), **made.as_dict()})
     else:
@@ -189,7 +156,7 @@ def _books(
 
 
 def _is_target(name: str) -> bool:
-    """Whether a file describes a target: it has its cubes, but no letters and no rules."""
+    """True if a file describes a target: it has cubes, but no letters and no rules."""
     path = Path(name)
     if path.suffix != ".toml" or not path.is_file():
         return False
@@ -240,6 +207,6 @@ def _rates(
     try:
         return ClassRates.fitting(name or "", map(derive, owners))
     except ValueError as error:
-        if of_book is None and "not here" in str(error):
+        if of_book is None and "network of another book" in str(error):
             raise ValueError(f"{error}. Say which book by --rates-book") from None
         raise

@@ -10,6 +10,7 @@ from kinetics.predicting.scanning import scan as make
 from kinetics.predicting.scanning.answering import tell_questions
 from kinetics.predicting.scanning.pictures import draw_scan, size_of
 from kinetics.support import plots
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.failures import CHECKED, INTERRUPTED, keep
 from kinetics.support.cli.options import (
     HeadedCommand,
@@ -23,6 +24,7 @@ from kinetics.support.cli.options import (
     seed_option,
     table_of,
     truncate_option,
+    write_tables,
 )
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.output import write_whole
@@ -48,42 +50,22 @@ from kinetics.support.output import write_whole
     help="Ask this at every point, as in 'E[AB] @ 100' or 'P=? [ F<=100 AB >= 5 ]'; may be repeated.",
 )
 @truncate_option
-@click.option(
-    "--max-states",
-    metavar="N",
-    type=click.IntRange(min=0),
-    default=100_000,
-    show_default=True,
-    help="Sample points that can reach more states than this; 0 samples all.",
+@count_option(
+    "--max-states", least=0, default=100_000, help="Sample points that can reach more states than this; 0 samples all."
 )
-@click.option(
-    "--runs",
-    metavar="N",
-    type=click.IntRange(min=2),
-    default=1000,
-    show_default=True,
-    help="Number of runs of each point that is sampled.",
-)
-@click.option(
-    "--workers",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Number of points answered at the same time, as processes on this machine.",
-)
+@count_option("--runs", least=2, default=1000, help="Number of runs of each point that is sampled.")
+@count_option("--workers", default=1, help="Number of points answered at the same time, as processes on this machine.")
 @click.option(
     "--scheduler",
     metavar="ADDRESS",
     help="Answer points on the workers of the Dask cluster whose scheduler is at this address, as tcp://10.0.0.5:8786.",
 )
-@click.option(
+@default_option(
     "--scans-folder",
     "folder",
     metavar="FOLDER",
     type=click.Path(file_okay=False),
     default="scans",
-    show_default=True,
     help="Folder in which points are kept; a point that is already there is not answered again.",
 )
 @csv_option
@@ -103,7 +85,7 @@ def scan(
     asked: ModelOptions,
     ranges: tuple[str, ...],
     questions: tuple[str, ...],
-    within: str | int | None,
+    truncate: str | int | None,
     max_states: int,
     runs: int,
     workers: int,
@@ -116,13 +98,13 @@ def scan(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Answer questions at every combination of values, exactly where the states can be listed, else by samples.
+    """Answer questions at every combination of values, exactly if the states can be enumerated, otherwise by sampling.
 
     NETWORK is a rule book, which needs --rates and --cubes (or --over cubes=...), or a network file that contains both.
     Questions are those of `wellmixed ask`. Exact answers have bounds that are proven unless the column `kind` says
-    otherwise; sampled ones have a 95 % interval. The first points tell the cost. Points are kept as they come: after
-    Ctrl-C the same command goes on from there, and a grid may grow. Exit code 1: a question has no answer at some
-    points, for which the table says why.
+    otherwise; sampled ones have a 95 % interval. The cost is forecast from the first points. Points are stored as they
+    are answered: after Ctrl-C, or with a larger grid, the same command answers only those that are missing. Exit code
+    1: a question has no answer at some points, for which the table says why.
     """
     over = {}
     for text in ranges:
@@ -139,24 +121,21 @@ def scan(
         asked = asked._replace(cubes=max(1, int(over["cubes"][0])))  # the scan checks all of them
     given = described(asked)
     model = applied(*given)
-    keep(f"points that are done are kept in {folder}, and the same command goes on from there")
+    keep(f"answered points are stored in {folder}; the same command continues from there")
     with progress_line(budget=budget) as progress:
         made = make(
             model,
             over,
             questions,
             max_states=max_states,
-            within=within,
+            truncate=truncate,
             runs=runs,
             seed=seed,
-            workers=workers,
-            scheduler=scheduler,
+            workers=workers if scheduler is None else scheduler,
             folder=folder,
-            tell=lambda text: click.echo(text, err=True),
             progress=progress,
         )
-    for csv_file in csv_files:
-        write_whole(csv_file, made.to_dataframe().to_csv(index=False))
+    write_tables(csv_files, made.to_dataframe)
     for parquet_file in parquet_files:
         write_whole(parquet_file, made.to_dataframe().to_parquet(index=False))
     for plot_file in plot_files:
@@ -170,7 +149,7 @@ def scan(
                 "over": dict(made.over),
                 "questions": made.questions,
                 "max_states": max_states,
-                "within": within,
+                "truncate": truncate,
                 "runs": runs,
                 "seed": seed,
                 "points": len(made.answers),
@@ -185,8 +164,8 @@ def scan(
     if not made.is_complete:
         done = sum(answers is not None for answers in made.answers)
         click.echo(
-            f"Interrupted: {done} of {len(made.answers)} points are answered, and kept in {folder}; the same command "
-            "goes on from there.",
+            f"Interrupted: {done} of {len(made.answers)} points are answered and stored in {folder}; the same "
+            f"command continues from there.",
             err=True,
         )
         raise SystemExit(INTERRUPTED)

@@ -8,6 +8,7 @@ import numpy as np
 from kinetics.commands.models import applied, described
 from kinetics.sampling import SAMPLING_METHODS, SamplingMethod
 from kinetics.sampling.forecast import forecast_runs
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import (
     DURATION,
     ModelOptions,
@@ -31,22 +32,18 @@ ENSEMBLES, WITH_POWER = 2, 14  # of runs, at most: of this seed and the next; of
 @click.option(
     "--times", type=float, multiple=True, metavar="T ...", help="Compare at these times, tu.  [default: 200 2000]"
 )
-@click.option(
+@default_option(
     "--method",
     type=click.Choice([ALL, *METHODS]),
     default=ALL,
-    show_default=True,
-    help="Sampling method that is verified; all those that take the network, or one.",
+    help="Sampling method to verify, or all that support the network.",
+)
+@count_option(
+    "--runs", least=100, default=20_000, help="Number of runs of each method; more runs detect smaller errors."
 )
 @click.option(
-    "--runs",
-    metavar="N",
-    type=click.IntRange(min=100),
-    default=20_000,
-    show_default=True,
-    help="Number of runs of each method; more show smaller errors.",
+    "--power/--no-power", default=True, help="Measure, on runs with planted mistakes, which of them the checks detect."
 )
-@click.option("--power/--no-power", default=True, help="Measure by mutants of the runs which mistakes would be seen.")
 @budget_option
 @seed_option
 @json_option
@@ -65,7 +62,7 @@ def verify(
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both. Runs are compared
     with the exact distribution at each time and from one time to the next, and with each other, within a seed and
     between this seed and the next. All checks of a method together give a false alarm once in a million. The report
-    says which mistakes would be seen in as many runs. Solvers must agree within their stated errors. Exit code 1 if
+    says which mistakes so many runs would detect. Solvers must agree within their stated errors. Exit code 1 if
     anything fails.
     """
     from kinetics.trust.solver_agreement import compare_solvers
@@ -75,7 +72,7 @@ def verify(
     chosen = [kind() for name, kind in METHODS.items() if method in (ALL, name)]
     refused = {one.name: one.refusal(model.network) for one in chosen}
     if all(refused.values()):
-        raise ValueError(f"no such method takes the network: {'; '.join(refused.values())}")
+        raise ValueError(f"no such method supports the network: {'; '.join(refused.values())}")
     with progress_line(budget=budget) as progress:
         for one in chosen:
             if not refused[one.name]:

@@ -75,5 +75,5 @@ def write(model: Model, path: str | Path) -> None:
 def _kind_of(file: Path, suffixes: tuple[str, ...]) -> Format:
     suffix = file.suffix.lower()
     if suffix not in suffixes:
-        raise ValueError(f"{file} is no network file of a known format; its name must end in {', '.join(suffixes)}")
+        raise ValueError(f"{file} is not a network file of a known format; its name must end in {', '.join(suffixes)}")
     return next(kind for kind in FORMATS if suffix in kind.suffixes)

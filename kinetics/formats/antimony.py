@@ -77,7 +77,7 @@ def plain_text(path: Path, text: str) -> str:
         found = TOKEN.match(text, place)
         if found is None:
             came = text[place : place + 9]
-            raise ValueError(f"{path}, line {line}: {came!r} begins nothing that Antimony has, or has no end")
+            raise ValueError(f"{path}, line {line}: {came!r} is not valid Antimony, or is never closed")
         kind, piece, place = found.lastgroup, found[0], found.end()
         line += piece.count("\n")
         if kind == "blank":
@@ -85,7 +85,7 @@ def plain_text(path: Path, text: str) -> str:
             written.append(" ")
             continue
         if piece == "import" or (may_import and kind == "text"):
-            raise ValueError(f"{path}, line {line}: imports another file, which is not read; put both into one")
+            raise ValueError(f"{path}, line {line}: imports another file, which is not read; merge them into one file")
         may_import = piece.lower() == "import" or (may_import and kind == "newline")
         written.append(piece)
         if kind == "newline" and before != ",":  # behind a comma, the library's grammar has room for one

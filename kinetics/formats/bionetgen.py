@@ -109,10 +109,11 @@ class _NetReader:
         )
         amounts = {name: initial[place] for place, name in enumerate(self.species) if name not in self.numbers}
         notes = [
-            f"nothing changes {name}: a number, {n:g} in the file, and no count" for name, n in self.numbers.items()
+            f"nothing changes {name}; its value, {n:g} in the file, is read as a number, not a count"
+            for name, n in self.numbers.items()
         ]
         hidden = [name for name, weights in observables.items() if not self.numbers.keys().isdisjoint(weights)]
-        notes += [f"{name} is no sum of counts and is not shown" for name in hidden]
+        notes += [f"{name} is not a sum of counts and is not shown" for name in hidden]
         shown = {name: weights for name, weights in observables.items() if name not in hidden}
         return model_of(self.path, network, amounts, self.copies_per_unit, shown, notes)
 

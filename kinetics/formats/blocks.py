@@ -61,7 +61,7 @@ def blocks_of(path: Path, text: str) -> dict[str, list[Line]]:
         elif inside in READ:
             blocks[inside].append(Line(number, words, comment))
     if inside is not None:
-        raise ValueError(f"{path}: {_open_block(inside, began)}; the file may have been cut short")
+        raise ValueError(f"{path}: {_open_block(inside, began)}; the file may be truncated")
     missing = [name for name in NEEDED if name not in blocks]
     if missing:
         raise ValueError(f"{path} has no block {missing[0]!r}; is it a .net file of BioNetGen?")

@@ -50,15 +50,15 @@ class Bngl(Format):
         files, actions = bngl_files(path, text_in(path, MAX_BYTES))
         if actions.concentrations is not None and copies_per_unit is None:
             raise actions.concentrations.wrong(
-                "substanceUnits says that amounts are concentrations; say how many copies one unit is, "
-                "as by --copies-per-unit 1e6 or read(path, copies_per_unit=1e6)"
+                "substanceUnits says that amounts are concentrations; state the copies in one unit, as by "
+                "--copies-per-unit 1e6 or read(path, copies_per_unit=1e6)"
             )
         generator = Program(
             "BioNetGen",
             (_perl(path), str(_program()), "generate.bngl"),
             SECONDS,
             MEMORY,
-            "say by max_agg, max_stoich or max_iter of its generate_network where the network ends",
+            "bound the network by max_agg, max_stoich or max_iter of its generate_network",
             None if actions.ends else LAST_ROUND,
         )
         network = generator.translated(path, files, "model.net")

@@ -12,7 +12,7 @@ from kinetics.formats.functions import MADE_OF_OTHERS
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import Code, Graph
 from kinetics.network.laws.program import evaluate, steps_of
-from kinetics.network.laws.reading import NUMBER, SHOWN, Dialect, called, node_of
+from kinetics.network.laws.reading import NUMBER, SHOWN, Dialect, called, node_of, written
 
 SPELLINGS = {"^": "**", "&&": "and", "||": "or", "!": "not"}
 CONSTANTS = {"_pi": math.pi, "_e": math.e}
@@ -66,15 +66,14 @@ def _called(graph: Graph, name: str, arguments: Sequence[int]) -> int:
         condition, value, other = arguments
         return graph.add(Code.SELECT, (value, condition, other))
     if name == "rint" and len(arguments) == 1:
-        return graph.add(Code.FLOOR, (graph.add(Code.ADD, (arguments[0], graph.number(0.5))),))
+        return written("floor(x + 0.5)", graph, x=arguments[0])
     if name in ("sum", "avg") and arguments:
         whole = graph.all_of(Code.ADD, arguments)
         return whole if name == "sum" else graph.add(Code.DIVIDE, (whole, graph.number(len(arguments))))
     if name in MADE_OF_OTHERS and len(arguments) == 1:
-        return MADE_OF_OTHERS[name](graph, arguments[0])
+        return written(MADE_OF_OTHERS[name], graph, x=arguments[0])
     if name in UNREAD:
         raise ValueError(f"the function {name!r} is not read here: rate laws have no such operation")
     if name in BASES and len(arguments) == 1:
-        base = graph.add(Code.LOG, (graph.number(BASES[name]),))
-        return graph.add(Code.DIVIDE, (graph.add(Code.LOG, arguments), base))
+        return written(f"log(x) / log({BASES[name]})", graph, x=arguments[0])
     return called(graph, "log" if name == "ln" else name, arguments)

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
 from kinetics.network.laws.graph import Code, Graph
+from kinetics.network.laws.reading import written
 
 
 def law_of(
@@ -52,21 +53,16 @@ def _saturation(graph: Graph, values: Sequence[int], reactants: Sequence[int]) -
 def _hill(graph: Graph, values: Sequence[int], reactants: Sequence[int]) -> int:
     """As `Sat` with powers, but the first reactant is in the law and not multiplied in again."""
     top, half, power = values
-    raised = graph.add(Code.POWER, (reactants[0], power))
-    below = graph.add(Code.ADD, (graph.add(Code.POWER, (half, power)), raised))
-    share = graph.add(Code.DIVIDE, (graph.add(Code.MULTIPLY, (top, raised)), below))
+    share = written("k * A**n / (K**n + A**n)", graph, k=top, K=half, n=power, A=reactants[0])
     return graph.all_of(Code.MULTIPLY, [share, *_combinations(graph, reactants[1:])])
 
 
 def _quasi_steady(graph: Graph, values: Sequence[int], reactants: Sequence[int]) -> int:
     """The total quasi-steady-state approximation of an enzyme: substrate first, then enzyme."""
-    k, half = values
-    s, e = reactants[0], reactants[1]
-    rest = graph.add(Code.SUBTRACT, (graph.add(Code.SUBTRACT, (s, half)), e))
-    product = graph.all_of(Code.MULTIPLY, [graph.number(4.0), half, s])
-    square = graph.add(Code.ADD, (graph.add(Code.POWER, (rest, graph.number(2.0))), product))
-    free = graph.add(Code.DIVIDE, (graph.add(Code.ADD, (rest, graph.add(Code.SQRT, (square,)))), graph.number(2.0)))
-    return graph.add(Code.DIVIDE, (graph.all_of(Code.MULTIPLY, [k, e, free]), graph.add(Code.ADD, (half, free))))
+    (k, half), (s, e) = values, reactants[:2]
+    rest = written("S - K - E", graph, S=s, K=half, E=e)
+    free = written("(rest + sqrt(rest**2 + 4 * K * S)) / 2", graph, rest=rest, K=half, S=s)
+    return written("k * E * free / (K + free)", graph, k=k, E=e, K=half, free=free)
 
 
 # Name -> how many numbers it takes, whether one more for each further reactant, how many reactants at least, its node.

@@ -65,8 +65,8 @@ def _ways(network: Network) -> np.ndarray:
         return network.ways
     if network.combinations == "product":
         raise ValueError(
-            "a .net file counts pairs of one species as n (n - 1); a network with `product` combinations counts "
-            "n squared, which it cannot say"
+            "a .net file counts pairs of one species as n (n - 1); it cannot express `product` combinations, which "
+            "count n squared"
         )
     orders = np.ones(len(network.channels))
     with np.errstate(over="ignore"):
@@ -76,8 +76,8 @@ def _ways(network: Network) -> np.ndarray:
     lost = np.flatnonzero((network.ways > 0) & (ways < np.finfo(np.float64).tiny))
     if lost.size:
         raise ValueError(
-            f"channel {network.channels[lost[0]]!r} needs so many copies of one species that its ways over their "
-            f"orders are too small for a float; write the reaction in steps of fewer reactants"
+            f"channel {network.channels[lost[0]]!r} needs so many copies of one species that its multiplicity over "
+            f"their orders is too small for a float; write the reaction in steps of fewer reactants"
         )
     return ways
 

@@ -113,6 +113,6 @@ def _first_other(given: tuple[str, ...], got: tuple[str, ...]) -> str:
 
 def _unlike(path: Path, fault: str) -> ValueError:
     return ValueError(
-        f"{path} is not written, since it would say something else: {fault}; rename what is named here, or write "
-        f"another format"
+        f"{path} is not written, because it would describe another network: {fault}; rename what is named here, or "
+        f"write another format"
     )

@@ -62,7 +62,7 @@ def _model(names: SbmlNames, copies_per_unit: float | None) -> Model:
     )
     sums, notes, is_spent = {}, list(channels.notes), False
     notes += [
-        f"nothing changes {name}: a number, {amount:g} in the file, and no count"
+        f"nothing changes {name}; its value, {amount:g} in the file, is read as a number, not a count"
         for name, amount in names.numbers.items()
     ]
     if copies_per_unit is None and _are_moles(names):
@@ -76,7 +76,7 @@ def _model(names: SbmlNames, copies_per_unit: float | None) -> Model:
             except BudgetError:
                 weights, is_spent = None, True
             if weights is None:
-                notes.append(f"{name} is no sum of counts and is not shown")
+                notes.append(f"{name} is not a sum of counts and is not shown")
             else:
                 sums[name] = weights
     open_to_change = {name: value for name, value in names.values.items() if name not in names.settled}
@@ -89,7 +89,7 @@ def _check_scope(names: SbmlNames) -> None:
     for rule in names.each("Rules"):
         if not rule.isAssignment() and rule.isSetMath():
             kind = "a rate rule" if rule.isRate() else "an algebraic rule"
-            raise names.wrong(rule, f"{kind}: counts change by reactions and events only")
+            raise names.wrong(rule, f"{kind}: counts may change by reactions and events only")
     for constraint in names.each("Constraints"):
         raise names.wrong(constraint, "a constraint: runs are not stopped by conditions")
 

@@ -20,8 +20,8 @@ def events_of(names: SbmlNames) -> list[Event]:
         if one.priority == other.priority and (_touches(one, other) or _touches(other, one)):
             raise names.wrong(
                 names.source,
-                f"events {one.name!r} and {other.name!r} have the same priority, which means a random order where they "
-                f"meet; it is not read, give them different ones",
+                f"events {one.name!r} and {other.name!r} have the same priority, which means a random order if they "
+                f"coincide; that is not supported, give them different ones",
             )
     return events
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 from kinetics.formats.functions import MADE_OF_OTHERS
 from kinetics.network.laws.graph import Code, Graph
+from kinetics.network.laws.reading import written
 from kinetics.support.packages import libsbml
 
 MADE = {
@@ -16,6 +17,7 @@ MADE = {
     **{f"AST_FUNCTION_{name.upper()}": name for name in ("coth", "sech", "csch")},
     **{f"AST_FUNCTION_ARC{name.upper()}": f"a{name}" for name in ("sinh", "cosh", "tanh")},
 }
+QUOTIENT = "piecewise(floor(a / b), 0 <= a / b, ceil(a / b))"  # without its fraction
 AVOGADRO = 6.02214179e23  # as SBML Level 3 has it
 
 Build = Callable[[Graph, Sequence[int]], int | None]
@@ -57,10 +59,10 @@ def builders() -> dict[int, Build]:
         libsbml.AST_FUNCTION_POWER: _of_two(Code.POWER),
         libsbml.AST_FUNCTION_LOG: _log,
         libsbml.AST_FUNCTION_ROOT: _root,
-        libsbml.AST_FUNCTION_QUOTIENT: lambda graph, inner: _quotient(graph, *inner) if len(inner) == 2 else None,
-        libsbml.AST_FUNCTION_REM: _remainder,
-        libsbml.AST_LOGICAL_IMPLIES: _implies,
-        libsbml.AST_LOGICAL_XOR: _either,
+        libsbml.AST_FUNCTION_QUOTIENT: _of_a_and_b(QUOTIENT),
+        libsbml.AST_FUNCTION_REM: _of_a_and_b(f"a - b * {QUOTIENT}"),  # its sign is that of a, and of a % b that of b
+        libsbml.AST_LOGICAL_IMPLIES: _of_a_and_b("not a or b"),
+        libsbml.AST_LOGICAL_XOR: _of_a_and_b("(not a) != (not b)"),
         **{getattr(libsbml, kind): _made(name) for kind, name in MADE.items()},
     }
 
@@ -91,7 +93,11 @@ def _compared(code: Code, is_mirrored: bool = False) -> Build:
 
 
 def _made(name: str) -> Build:
-    return lambda graph, inner: MADE_OF_OTHERS[name](graph, *inner) if len(inner) == 1 else None
+    return lambda graph, inner: written(MADE_OF_OTHERS[name], graph, x=inner[0]) if len(inner) == 1 else None
+
+
+def _of_a_and_b(text: str) -> Build:
+    return lambda graph, inner: written(text, graph, a=inner[0], b=inner[1]) if len(inner) == 2 else None
 
 
 def _piecewise(graph: Graph, inner: Sequence[int]) -> int | None:
@@ -114,8 +120,7 @@ def _log(graph: Graph, inner: Sequence[int]) -> int | None:
     """To base 10, or to the base that comes first."""
     if len(inner) > 2 or not inner:
         return None
-    base = inner[0] if len(inner) == 2 else graph.number(10.0)
-    return graph.add(Code.DIVIDE, (graph.add(Code.LOG, inner[-1:]), graph.add(Code.LOG, (base,))))
+    return written("log(x) / log(base)", graph, x=inner[-1], base=inner[0] if len(inner) == 2 else graph.number(10.0))
 
 
 def _root(graph: Graph, inner: Sequence[int]) -> int | None:
@@ -124,28 +129,4 @@ def _root(graph: Graph, inner: Sequence[int]) -> int | None:
         return graph.add(Code.SQRT, inner[-1:])
     if len(inner) != 2:
         return None
-    return graph.add(Code.POWER, (inner[1], graph.add(Code.DIVIDE, (graph.number(1.0), inner[0]))))
-
-
-def _quotient(graph: Graph, above: int, below: int) -> int:
-    """The quotient without its fraction."""
-    share = graph.add(Code.DIVIDE, (above, below))
-    is_positive = graph.add(Code.LESS_EQUAL, (graph.number(0.0), share))
-    return graph.add(Code.SELECT, (graph.add(Code.FLOOR, (share,)), is_positive, graph.add(Code.CEILING, (share,))))
-
-
-def _remainder(graph: Graph, inner: Sequence[int]) -> int | None:
-    """With the sign of the first; that of `Code.MODULO` has the sign of the second."""
-    if len(inner) != 2:
-        return None
-    whole = graph.add(Code.MULTIPLY, (inner[1], _quotient(graph, *inner)))
-    return graph.add(Code.SUBTRACT, (inner[0], whole))
-
-
-def _implies(graph: Graph, inner: Sequence[int]) -> int | None:
-    return graph.add(Code.OR, (graph.add(Code.NOT, inner[:1]), inner[1])) if len(inner) == 2 else None
-
-
-def _either(graph: Graph, inner: Sequence[int]) -> int | None:
-    """One of two, not both."""
-    return graph.add(Code.NOT_EQUAL, [graph.add(Code.NOT, (part,)) for part in inner]) if len(inner) == 2 else None
+    return written("x ** (1 / degree)", graph, degree=inner[0], x=inner[1])

@@ -68,18 +68,20 @@ def _directions(
         found = directions_of(law)
         if reaction.getReversible() and found is not None:
             if found[1] is not None:
-                notes.append(f"{key} runs both ways: {found[0] or 0} forward, {found[1]} backward")
+                notes.append(f"{key} is reversible: {found[0] or 0} forward, {found[1]} backward")
             return found
         net = [name for name, copies in gained.items() if copies > taken.get(name, 0)]
         is_two_way = found is not None and found[1] is not None and bool(net) and is_0_without(found[1], net)
         if reaction.getReversible() or is_two_way:
             why = (
-                "is not reversible, but its law runs both ways"
+                "is not reversible, but its law has both directions"
                 if is_two_way
                 else "is reversible, and its law is no difference of two parts of at least 0"
             )
-            raise names.wrong(reaction, f"reaction {key!r} {why}: {law}; write it as two reactions, one for each way")
-    notes.append(f"the law of {key} is not proven to be at least 0; a run in which it is less is refused")
+            raise names.wrong(
+                reaction, f"reaction {key!r} {why}: {law}; write it as two reactions, one for each direction"
+            )
+    notes.append(f"the law of {key} is not proven to be at least 0; a run in which it is negative ends with an error")
     return alone
 
 

@@ -14,6 +14,7 @@ from kinetics.network import Model, Network
 from kinetics.network.laws.events import Event
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import Code, Graph
+from kinetics.network.laws.reading import written
 
 
 def model_of(
@@ -41,8 +42,8 @@ def model_of(
     if off and copies_per_unit is None:
         more = f" and so do {len(off) - 1} more" if len(off) > 1 else ""
         raise ValueError(
-            f"{path}: {off[0]!r} starts from {counts[off[0]]:g}{more}, which is no whole number of copies; say how "
-            f"many copies one unit of amount is, as by --copies-per-unit 1e6 or read(path, copies_per_unit=1e6)"
+            f"{path}: {off[0]!r} starts from {counts[off[0]]:g}{more}, which is not a whole number of copies; state "
+            f"the copies in one unit of amount, as by --copies-per-unit 1e6 or read(path, copies_per_unit=1e6)"
         )
     if off:
         more = f" and {len(off) - 1} more" if len(off) > 1 else ""
@@ -98,8 +99,8 @@ def _times(formula: Expression, factor: float) -> Expression:
 def _whole(amount: Expression, copies: float) -> Expression:
     """An amount as the nearest whole number of copies."""
     graph = Graph(most=10 * len(amount.formula) + 100)
-    place = graph.add(Code.MULTIPLY, (graph.number(copies), graph.copied(amount.formula)[-1]))
-    whole = graph.add(Code.FLOOR, (graph.add(Code.ADD, (place, graph.number(0.5))),))
+    place = graph.copied(amount.formula)[-1]
+    whole = written("floor(unit * amount + 0.5)", graph, unit=graph.number(copies), amount=place)
     return Expression.of(graph.formula(whole), amount.parameters)
 
 

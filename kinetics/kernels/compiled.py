@@ -85,8 +85,8 @@ def say_that_nothing_is_kept() -> None:
     if multiprocessing.parent_process() is not None:  # a worker's command has said so
         return
     warnings.warn(
-        "there is no folder to keep compiled kernels in, so each command compiles what it needs anew, for seconds; "
-        "set NUMBA_CACHE_DIR to a folder that can be written",
+        "there is no folder for compiled kernels, so each command compiles them anew, which takes seconds; set "
+        "NUMBA_CACHE_DIR to a writable folder",
         RuntimeWarning,
         stacklevel=3,
     )
@@ -96,7 +96,7 @@ def say_that_nothing_is_kept() -> None:
 def say_that_it_compiles() -> None:
     """Once a command, to a person at a terminal: it takes seconds, and only the first time."""
     if is_terminal(sys.stderr) and multiprocessing.parent_process() is None:
-        print("compiling kernels, which are kept for the next time ...", file=sys.stderr, flush=True)  # noqa: T201
+        print("compiling kernels, which are stored for the next time ...", file=sys.stderr, flush=True)  # noqa: T201
 
 
 class KernelCache(FunctionCache):

@@ -47,11 +47,12 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop=None)
     upto = np.empty(n_blocks)  # sums over whole blocks
     s0, s1, s2, s3 = stream[0], stream[1], stream[2], stream[3]
     if stop is not None:
-        is_watched, table = stop.is_watched, stop.table
+        affects_stop, table = stop.affects_stop, stop.table
     t = clock[0]
     n_events = 0
     outcome = UNFINISHED
     while n_events < times.size:
+        # Sums over partners that merged channels share; their channels read them like counts.
         if has_sums:
             part = 0.0
             for k in range(np.uint64(len(terms))):
@@ -59,6 +60,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop=None)
                 if terms[k, 3] > 0.0:
                     copies[np.uint64(terms[k, 3])] = part
                     part = 0.0
+        # Step 1: all propensities a_r, and their running sums by blocks.
         for r in range(np.uint64(n_channels)):  # unsigned indices need no check for negative ones
             pair = coefficients[r] * copies[np.uint64(first[r])]
             propensities[r] = pair * (copies[np.uint64(second[r])] - less[r])
@@ -74,6 +76,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop=None)
                 within[r] = part
             total += part
             upto[block] = total
+        # Step 2: the wait, an exponential of rate a_0 = sum of a_r (eq. 21a).
         word, s0, s1, s2, s3 = next_word(s0, s1, s2, s3)
         later, outcome = next_time(t, exponential(word), total, clock)
         if outcome != UNFINISHED:
@@ -84,12 +87,15 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop=None)
             break
         t = later
 
+        # Step 3: the channel, the first whose running sum exceeds u a_0 (eq. 21b). If rounding makes the target too
+        # large, the second comparison stops at the last positive propensity: none without reactants fires.
         word, s0, s1, s2, s3 = next_word(s0, s1, s2, s3)
         block, target = block_at(upto, uniform(word) * total, total)
         chosen = BLOCK * block
         part = within[chosen + BLOCK - 1]
         while within[chosen] <= target and within[chosen] < part:
             chosen += 1
+        # Step 4: fire. A count beyond 63 bits wraps to a negative one; the event is then undone.
         overflowed = False
         for s in range(n_species):
             counts[s] += changes[chosen, s]
@@ -103,7 +109,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop=None)
         times[n_events] = t
         fired[n_events] = chosen
         n_events += 1
-        if stop is not None and is_watched[chosen] and holds(stop, table, counts):
+        if stop is not None and affects_stop[chosen] and holds(stop, table, counts):
             outcome = STOPPED
             break
     stream[0], stream[1], stream[2], stream[3] = s0, s1, s2, s3

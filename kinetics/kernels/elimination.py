@@ -36,6 +36,7 @@ def reduce(band, leaving, exits, begin, end):
         exits[k] = total
         if total == 0.0:
             continue
+        # Reroute what went through state k: q_ij += (q_ik / S_k) q_kj, and likewise to the outside.
         for i in range(low, k):
             if band[i, k - i + b] == 0.0:
                 continue
@@ -51,17 +52,19 @@ def reduce(band, leaving, exits, begin, end):
 
 @compiled(error_model="python")
 def solve(band, exits, x):
-    """What is earned on the way out, from each state, where x (n,) is earned a time unit; in place, after `reduce`.
+    """Reward accumulated until exit from each state, at reward rates x (n,); in place, after `reduce`.
 
     For k = n - 1, ..., 1: x_i += (q_ik / S_k) x_k for i < k. Then for k = 0, ...: x_k = (x_k + sum over j < k of
     q_kj x_j) / S_k.
     """
     n = exits.size
     b = band.shape[1] // 2
+    # From the last state: its reward until exit counts for the states that lead to it.
     for k in range(n - 1, 0, -1):
         if x[k] != 0.0:
             for i in range(max(0, k - b), k):
                 x[i] += band[i, k - i + b] * x[k]
+    # Back substitution from the first state, each in the chain of the states before it.
     for k in range(n):
         total = x[k]
         for j in range(max(0, k - b), k):
@@ -101,6 +104,7 @@ def balance(band, x):
         x[k] = 0.0
         for i in range(max(0, k - b), k):
             x[k] += x[i] * band[i, k - i + b]
+        # Scale down in time: only ratios count, and weights may grow beyond double.
         if x[k] > 1e200:
             for i in range(k + 1):
                 x[i] *= 1e-200

@@ -34,7 +34,7 @@ def ensemble_work(n_species: int) -> EnsembleWork:
 class Stop(NamedTuple):
     """The condition at which runs end: comparisons of sums of counts, each of which leads to another, or decides.
 
-    is_watched (G + 1,) bool : channels of the kernel that change what the condition reads; the last stands for none
+    affects_stop (G + 1,) bool : channels of the kernel that change what the condition reads; the last stands for none
     table (n,) : comparisons one after the other: low, high, yes, no, number of terms, and of each term species and
         weight. Where the sum of the terms is from low to high, the comparison that begins at `yes` comes next, else
         that at `no`; or these are HOLDS or FAILS. One array, because each costs a kernel time. Empty for a program
@@ -42,7 +42,7 @@ class Stop(NamedTuple):
         compares other things than sums; else empty
     """
 
-    is_watched: np.ndarray
+    affects_stop: np.ndarray
     table: np.ndarray
     codes: np.ndarray
     operands: np.ndarray
@@ -50,4 +50,4 @@ class Stop(NamedTuple):
 
     def of_channels(self, channels: np.ndarray) -> "Stop":
         """A copy for a kernel whose channels (G,) are these of the network."""
-        return self._replace(is_watched=np.append(self.is_watched[channels], False))
+        return self._replace(affects_stop=np.append(self.affects_stop[channels], False))

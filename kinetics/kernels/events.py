@@ -117,7 +117,7 @@ def next_due(work):
 
 @compiled
 def first_due(work, t):
-    """Where the calendar has the event that comes first of those due, -1 without any; events come in their order."""
+    """The place in the calendar of the first event due, by priority and order; -1 if none is."""
     found = -1
     for place in range(work.notes[2]):
         if work.moments[place] <= t and (found < 0 or work.owners[place] < work.owners[found]):
@@ -127,7 +127,7 @@ def first_due(work, t):
 
 @compiled
 def drop(work, event):
-    """Take an event out of the calendar."""
+    """Remove an event from the calendar."""
     for place in range(work.notes[2] - 1, -1, -1):
         if work.owners[place] == event:
             remove(work, place)

@@ -16,13 +16,13 @@ UNJUDGED = 2
 
 EMPTY = -1
 OUTSIDE = -2
-ALL_AT_ONCE = 2**25  # bytes; as in `native.twins`
+ALL_AT_ONCE = 2**25  # bytes; as in `native.state_tables`
 MIX = np.uint64(0x9E3779B97F4A7C15)
 
 
 @compiled
 def first_slot(key, size):
-    """Where in a table of a power of two slots the search for a key begins."""
+    """The slot at which the search for a key begins, in a hash table of a power of two slots."""
     mixed = (key ^ (key >> np.uint64(29))) * MIX
     return np.int64((mixed ^ (mixed >> np.uint64(32))) & np.uint64(size - 1))
 

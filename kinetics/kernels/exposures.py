@@ -32,7 +32,7 @@ def add_exposures(units, plain, has_general, counts, copies, wait, exposures):
 
 
 class ExposureWork(NamedTuple):
-    """Where the runs stand between calls: `EnsembleWork`, and what is named and added up after it.
+    """State of the runs between calls: `EnsembleWork`, then the stream and clock of exposures.
 
     naming (4,) uint64 : see `members.start_naming`; at (1,) : the time up to which exposures are added up
     """

@@ -75,7 +75,7 @@ class GeneralModel(NamedTuple):
 
 
 class GeneralWork(NamedTuple):
-    """What one run keeps between calls.
+    """State of one run between calls.
 
     results (P,) : of every program; the first R are the propensities
     lows, highs (P,) : of ranges; the first R highs are the bounds of timed channels, and what steady ones are
@@ -195,7 +195,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     timed, readers, results, sums, upto = model.timed, model.readers, work.results, work.sums, work.upto
     is_timed, has_windows = timed.size > 0, timed.size + model.clocked.size + np.sum(model.is_delayed) > 0
     if stop is not None:
-        is_watched, table = stop.is_watched, stop.table
+        affects_stop, table = stop.affects_stop, stop.table
     t = clock[0]
     passed, n_events = seen[0], 0
     is_over, chosen = False, 0
@@ -208,6 +208,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     for draw in range(waits.size):
         if outcome != REACHED_END:
             break
+        # A candidate at the rate of the bound: of the window for timed laws, else the total itself.
         if is_timed:
             bound = work.window[2]
         else:
@@ -219,6 +220,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         if state != UNFINISHED:
             outcome = state
             break
+        # A candidate beyond the window is dropped, which the exponential forgets; the next window opens at its end.
         is_candidate = not has_windows or later < work.window[0]
         moment = later if is_candidate else work.window[0]
         passed = record(counts, moment, grid, passed, out)
@@ -232,6 +234,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
                 outcome = STOPPED
             continue
 
+        # Thinning (Lewis & Shedler 1979): the candidate is an event with probability total / bound.
         total = bound
         if is_timed:
             values(model.programs, timed, 0, timed.size, counts, t, work.stack, results)
@@ -244,6 +247,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             for block in range(n_blocks):
                 total += sums[block]
                 upto[block] = total
+            # A bound that does not hold would bias the run: an error, never ignored.
             if total > bound:
                 outcome = BROKEN_BOUND
                 break
@@ -265,9 +269,10 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
-        if stop is not None and is_watched[chosen] and not model.is_waking[chosen] and holds(stop, table, counts):
+        if stop is not None and affects_stop[chosen] and not model.is_waking[chosen] and holds(stop, table, counts):
             outcome = STOPPED
             break
+        # Renew the laws that read a changed count, and their bounds: steady ones bound themselves.
         first, last = model.reader_starts[chosen], model.reader_starts[chosen + 1]
         values(model.programs, readers, first, last, counts, t, work.stack, results)
         work.notes[1] = first_bad(readers, first, last, results)

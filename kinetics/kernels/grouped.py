@@ -42,7 +42,7 @@ class GroupedModel(NamedTuple):
 
 
 class GroupedWork(NamedTuple):
-    """What one run keeps between calls.
+    """State of one run between calls.
 
     propensities (R,), sums (B,), upto (B,) : of channels, of blocks, and running over blocks
     """
@@ -84,12 +84,13 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     propensities, sums, upto = work.propensities, work.sums, work.upto
     n_blocks, n_channels = sums.size, propensities.size
     if stop is not None:
-        is_watched, table = stop.is_watched, stop.table
+        affects_stop, table = stop.affects_stop, stop.table
     t = clock[0]
     passed, n_events = seen[0], 0
     outcome = UNFINISHED
     is_over, chosen = False, 0
     for draw in range(waits.size):
+        # Steps 2 and 3 of the direct method, from the sums of blocks: see `direct.advance`.
         total = 0.0
         for i in range(np.uint64(n_blocks)):
             total += sums[i]
@@ -99,6 +100,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             break
         chosen = channel_at(propensities, sums, upto, uniforms[draw] * total, total)
 
+        # Step 4: fire; a count beyond 63 bits wraps to a negative one.
         first, last = channels[6 * chosen + 4], channels[6 * chosen + 5]
         for k in range(first, last):
             s = changes[2 * k]
@@ -107,6 +109,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         if is_over:
             outcome = OVERFLOW
             break
+        # Step 1 for the next event: renew only the channels that read a changed count, then the sums of their blocks.
         for k in range(first, last):
             s = changes[2 * k]
             for i in range(species[4 * s], species[4 * s + 1]):
@@ -128,7 +131,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
-        if stop is not None and is_watched[chosen] and holds(stop, table, counts):
+        if stop is not None and affects_stop[chosen] and holds(stop, table, counts):
             outcome = STOPPED
             break
     if is_over:  # the event has not been

@@ -33,6 +33,7 @@ def reduce(begins, columns, shares, leaving, middles, exits):
             share = shares[e] / exits[k]
             shares[e] = share
             lost += share * leaving[k]
+            # Reroute what went through state k; without an entry for the pair, it leaves the chain.
             for f in range(middles[k], begins[k + 1]):
                 j = columns[f]
                 if j != i:
@@ -42,6 +43,7 @@ def reduce(begins, columns, shares, leaving, middles, exits):
                         lost += share * shares[f]
             e += 1
         middles[i] = e
+        # Up to here what leaves the chain; with the rates that stay, the exit rate, summed and never subtracted.
         leaving[i] = lost
         for f in range(e, begins[i + 1]):
             lost += shares[f]
@@ -52,8 +54,9 @@ def reduce(begins, columns, shares, leaving, middles, exits):
 
 @compiled
 def solve(begins, middles, columns, shares, exits, x):
-    """What is earned on the way out of the chain of the factors, where x (n,) is earned a time unit; in place."""
+    """Reward accumulated until exit in the chain of the factors, at reward rates x (n,); in place."""
     n = exits.size
+    # Forward with the shares below the diagonal, then backward with the rates above it.
     for i in range(n):
         total = x[i]
         for e in range(begins[i], middles[i]):
@@ -85,7 +88,7 @@ def occupy(begins, middles, columns, shares, exits, x):
 
 @compiled
 def earned(begins, columns, rates, exits, x, result):
-    """A x (n,)."""
+    """Compute A x (n,)."""
     for i in range(exits.size):
         total = 0.0
         for e in range(begins[i], begins[i + 1]):
@@ -95,7 +98,7 @@ def earned(begins, columns, rates, exits, x, result):
 
 @compiled
 def occupied(begins, columns, rates, exits, x, result):
-    """x A (n,)."""
+    """Compute x A (n,)."""
     n = exits.size
     for i in range(n):
         result[i] = exits[i] * x[i]

@@ -33,7 +33,9 @@ def correct(
             step[i] = moved[i] = 0.0
         numbers[:] = 1.0
     before, alpha, omega = numbers
+    # Names of the paper: left = r, first = r_0 hat, step = p, far = K^-1 p, moved = v = A far, near = K^-1 s, bent = t.
     for k in range(done, most):
+        # beta = (rho_k / rho_(k-1)) (alpha / omega), p = r + beta (p - omega v).
         product = 0.0
         for i in range(n):
             product += first[i] * left[i]
@@ -52,9 +54,11 @@ def correct(
         for i in range(n):
             moved[i] *= shrinks[i]
             product += first[i] * moved[i]
+        # alpha = rho / (r_0 hat, v); not finite or 0 is a breakdown, which keeps the correction so far.
         alpha = before / product
         if not np.isfinite(alpha) or alpha == 0.0:
             return k, True
+        # s = r - alpha v.
         for i in range(n):
             left[i] -= alpha * moved[i]
             near[i] = left[i] * units[i]
@@ -69,7 +73,9 @@ def correct(
             bent[i] *= shrinks[i]
             product += bent[i] * left[i]
             square += bent[i] * bent[i]
+        # omega = (t, s) / (t, t), the length that makes the residual smallest.
         omega = product / square if square > 0.0 else 0.0
+        # x += alpha K^-1 p + omega K^-1 s, r = s - omega t.
         largest = 0.0
         for i in range(n):
             change[i] += alpha * far[i] + omega * near[i]

@@ -33,10 +33,10 @@ class LeapLaws(NamedTuple):
 
 
 class LeapModel(NamedTuple):
-    """What does not change during a run.
+    """Tables of the network, which do not change during a run.
 
     open_events : how many a leap is to have; fewest : events of a leap, below which single ones are drawn
-    merged, changes, members : for `direct.advance` and `members.name_events`
+    merged, changes, members : for `direct.advance` and `members.attribute_channels`
     """
 
     laws: LeapLaws
@@ -73,7 +73,7 @@ class LeapCells(NamedTuple):
 
 
 class LeapWork(NamedTuple):
-    """Where a run stands, and room to work in.
+    """State of a run, and scratch arrays.
 
     stream (4,) uint64, state (S + 1,) int64, step_times, fired (STRETCH,) : for a cell, and for events drawn singly
     lengths (3,) : when the leap at hand began, its length, and that from which the next one is sought, tu
@@ -96,7 +96,7 @@ class LeapWork(NamedTuple):
 
 @compiled
 def work_for(n_channels, n_species):
-    """A fresh workspace."""
+    """A new workspace for a run."""
     cells = LeapCells(
         np.ones(n_species + 1, dtype=np.int64),
         np.ones(n_species + 1),
@@ -141,6 +141,8 @@ def set_box(laws, cells, length):
     """The box of a leap of this length, by the events expected of it, `cells.means` per unit of time."""
     n_species = cells.counts.size - 1
     box_low, box_high, falls, rises = cells.box_low, cells.box_high, cells.at_least, cells.at_most
+    # The box: WIDE standard deviations of Poisson falls and rises beyond their means, falls and rises by themselves, as
+    # in the worst order.
     box_low[:n_species] = 0.0  # means and variances, until the end
     box_high[:n_species] = 0.0
     falls[:n_species] = 0.0
@@ -179,10 +181,12 @@ def plan_leap(model, cells, length):
     for r in range(n_channels):
         cells.means[r] = propensity(laws, r, copies)
         total += cells.means[r]
+    # A total of 0 or beyond double leaves nothing to leap over.
     longest = MOST_EVENTS / total if total > 0.0 else np.inf
     if not (longest < np.inf and total < np.inf):
         return length, 0.0
     length = min(max(length, 1.0 / total), longest)
+    # Fixed-point search for the length whose expected open events, sum of (high - low) * length, are `open_events`.
     for _ in range(TRIALS):
         set_box(laws, cells, length)
         undecided = 0.0

@@ -22,7 +22,7 @@ from kinetics.kernels.compiled import compiled
 from kinetics.kernels.direct import advance
 from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, PASSED, RUN
 from kinetics.kernels.leap_plan import CELL, DEEPEST, NO_CELL, STRETCHES, plan_leap, propensity
-from kinetics.kernels.members import name_events
+from kinetics.kernels.members import attribute_channels
 from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STALLED_CLOCK, UNFINISHED
 from kinetics.kernels.streams import start_stream
 from kinetics.kernels.variates import binomial, draw_uniform, halved, poisson
@@ -44,6 +44,7 @@ def worst_orders(laws, cells, top):
     for r in range(cells.means.size):
         here = cells.sure[top, r] + cells.open[top, r]
         if here > 0:
+            # Any order: only the falls may have come so far, or only the rises.
             n_events += here
             n_open += cells.open[top, r]
             for i in range(laws.starts[r], laws.starts[r + 1]):
@@ -75,6 +76,7 @@ def thin(laws, cells, top, n_events, stream):
             new_high = min(max(propensity(laws, r, cells.at_most), new_low), high)
             # Marks are uniform from low to high.
             sure = binomial(undecided, (new_low - low) / (high - low), stream)
+            # The rest have marks from new_low to high: those above new_high are rejected.
             undecided -= sure
             if undecided > 0 and new_high < high:
                 undecided -= binomial(undecided, (high - new_high) / (high - new_low), stream)
@@ -138,6 +140,8 @@ def leap(laws, cells, lengths, of_leap, stream, clock, notes, grid, out, times, 
         later = clock[0] + lengths[2]
         lengths[0], lengths[1] = clock[0], later - clock[0] if later > clock[0] else lengths[2]
         start_stream(of_leap, OWN, stream)
+        # Thinning: candidates come at the upper bound `high` of the propensity, as independent Poisson numbers of sure
+        # events at rate `low` and open ones at rate high - low.
         for r in range(cells.means.size):
             cells.sure[0, r] = poisson(cells.low[0, r] * lengths[1], stream)
             cells.open[0, r] = poisson((cells.high[0, r] - cells.low[0, r]) * lengths[1], stream)
@@ -153,6 +157,7 @@ def leap(laws, cells, lengths, of_leap, stream, clock, notes, grid, out, times, 
         if seen == grid.size:
             outcome = REACHED_END
             break
+        # The numbers of a cell bound the counts within it, which decides more of its open events.
         n_events, n_open, can_leave = worst_orders(laws, cells, top)
         if n_events == 0:
             top -= 1
@@ -161,10 +166,13 @@ def leap(laws, cells, lengths, of_leap, stream, clock, notes, grid, out, times, 
         if n_open > 0:
             thin(laws, cells, top, n_events, stream)
             n_events, n_open, can_leave = worst_orders(laws, cells, top)
+        # Times are drawn only if events are kept, or if a time of the grid lies before the end of the cell.
         is_asked = keeps or grid[seen] < start + end
+        # All decided and inside the box in any order: the sum of the events is the change.
         if n_open == 0 and not (can_leave or is_asked):
             apply(laws, cells, top)
             top -= 1
+        # A single decided event: its time is uniform in its cell. If it leaves the box, the leap ends there.
         elif n_events == 1 and n_open == 0:
             time = start + min(begin + draw_uniform(stream) * (end - begin), end)
             seen = record(counts, time, grid, seen, out)
@@ -185,6 +193,7 @@ def leap(laws, cells, lengths, of_leap, stream, clock, notes, grid, out, times, 
                 top, over = NO_CELL, time
                 break
             top -= 1
+        # Still open: bisect the cell in time. Two events at one time to the last bit would never part.
         elif n_events > 0:
             if top + 2 == DEEPEST:
                 outcome = STALLED_CLOCK
@@ -238,6 +247,7 @@ def go_on(model, work, grid, out, times, fired, most):
             if notes[STRETCHES] > 1 or model.fewest == 0.0:  # a run may be short
                 lengths[2], expected = plan_leap(model, cells, lengths[2])
                 is_leap = expected > 0.0
+        # A leap; or else a stretch of single events by the direct method, if a leap would hold few.
         if is_leap:
             room = max(last - notes[EVENTS], 1)
             outcome, number = leap(
@@ -253,7 +263,7 @@ def go_on(model, work, grid, out, times, fired, most):
             times[number : number + n_events] = step_times[:n_events]
             fired[number : number + n_events] = stepped[:n_events]
             start_stream(of_leap, LEFT, stream)
-            name_events(
+            attribute_channels(
                 model.members,
                 model.changes,
                 state.copy(),

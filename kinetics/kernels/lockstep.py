@@ -20,7 +20,7 @@ ACTIVE, RUNS, STEPS = 0, 1, 2  # in `LockstepWork.notes`
 
 
 class LockstepWork(NamedTuple):
-    """Where the runs stand between calls. The arrays of the lanes are (LANES,) where no other shape is given.
+    """State of the runs between calls. The arrays of the lanes are (LANES,) unless stated.
 
     counts (S + 1 + sums, LANES), within (G, LANES), upto (blocks, LANES) : copies, and running sums of propensities
     change (S, G + 1) : of the counts by each channel; channel G changes nothing: what a lane does that has just ended
@@ -126,7 +126,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
     active, steps = work.notes[ACTIVE], work.notes[STEPS]
     last = steps + most
     if stop is not None:
-        is_watched, table = stop.is_watched, stop.table
+        affects_stop, table = stop.affects_stop, stop.table
     if work.notes[RUNS] == 0:
         active = min(LANES, runs)
         for lane in range(active):
@@ -137,6 +137,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
             upcoming[lane] = -np.inf  # its run is over
     while active > 0 and steps < last:
         lanes = np.uint64(active)  # unsigned: indices need no check for negative ones
+        # Step 1 of the direct method in every lane: propensities and their running sums, as in `direct.advance`.
         for lane in range(lanes):
             total[lane], part[lane] = 0.0, 0.0
         for k in range(len(terms)):
@@ -165,6 +166,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
                 total[lane] += part[lane]
                 upto[np.uint64(block), lane] = total[lane]
 
+        # Step 2: the waits (eq. 21a); both words of an event are drawn at once.
         n_crossed = 0
         for lane in range(lanes):
             s0, s1, s2, s3 = words[0, lane], words[1, lane], words[2, lane], words[3, lane]
@@ -186,6 +188,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
                     if counts[s, lane] > LARGEST_EXACT:
                         t[lane], total[lane] = np.inf, np.inf
                         n_crossed += 1
+        # Lanes that passed a time of the grid write their counts; lanes that ended or are stuck take up the next run.
         n_ended = 0
         if n_crossed > 0:
             for lane in range(lanes):
@@ -215,6 +218,8 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
                     run[lane] = -1
                     n_ended += 1
 
+        # Step 3: the channel (eq. 21b), counted without branches as the number of running sums not above the target.
+        # A lane without an event has an infinite target, and channel R, which changes nothing.
         for lane in range(lanes):
             chosen[lane] = 0
         if n_blocks == 1:
@@ -235,6 +240,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
                 chosen[lane] = begin
                 for r in range(begin, end):
                     chosen[lane] += (within[r, lane] <= aim) & (within[r, lane] < within[end - 1, lane])
+        # Step 4: fire, by whole rows for few species.
         if n_species <= GATHERED:
             for s in range(np.uint64(n_species)):
                 for lane in range(lanes):
@@ -246,7 +252,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
 
         if stop is not None:
             for lane in range(lanes):
-                if run[lane] < 0 or not is_watched[chosen[lane]] or not holds(stop, table, counts[:, lane]):
+                if run[lane] < 0 or not affects_stop[chosen[lane]] or not holds(stop, table, counts[:, lane]):
                     continue
                 reached[run[lane]] = t[lane]
                 for k in range(seen[lane], n_times):

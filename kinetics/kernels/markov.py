@@ -107,6 +107,7 @@ def retreat(begins, targets, shares, stays, starts, chances, now, before, means)
         for m in range(starts.size):
             mean += chances[m] * now[starts[m]]
         means[b] = mean
+        # v_i <- P_ii v_i + sum over moves i -> j of P_ij v_j, with v in `before`.
         now, before = before, now
         end = begins[0]
         for i in range(n):
@@ -157,6 +158,7 @@ def steps_back(begins, ends, shares, stays, vectors, weights, after, values, lat
         chances, weight, rest = vectors[b], weights[b], after[b]
         end = begins[0]
         for i in range(n):
+            # The derivative of p P l by the entry P_ij at rows summing to 1 is p_i (l_j - l_i).
             here, chance = now[i], chances[i]
             total = stays[i] * here
             begin, end = end, begins[i + 1]

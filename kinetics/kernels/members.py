@@ -11,7 +11,7 @@ NAMING = 0xD1B54A32D192ED03  # told apart from the streams of events by these bi
 
 
 class Members(NamedTuple):
-    """What the merged channels of a model stand for.
+    """The channels of the network behind each merged channel.
 
     spans (G + 1,), channels (R,) : channel g stands for the network's channels[spans[g]] to channels[spans[g + 1]]
     weights, partners int32, less (R,) : the share of each is as weight * (x[partner] - less)
@@ -36,6 +36,7 @@ def member_at(members, chosen, counts, stream):
     first, end = members.spans[chosen], members.spans[chosen + 1]
     if end - first == 1:
         return members.channels[first]
+    # The members fire in proportion to weight * (x[partner] - less): the propensity without its common factor.
     total = 0.0
     for k in range(first, end):
         total += members.weights[k] * (counts[members.partners[k]] - members.less[k])
@@ -49,7 +50,7 @@ def member_at(members, chosen, counts, stream):
 
 
 @compiled
-def name_events(members, changes, counts, chosen, stream):
+def attribute_channels(members, changes, counts, chosen, stream):
     """Put the network's channels in the place of the model's.
 
     changes (G, S) : see `direct.advance`

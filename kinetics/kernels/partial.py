@@ -67,7 +67,7 @@ class PartialModel(NamedTuple):
 
 
 class PartialWork(NamedTuple):
-    """What one run keeps between calls.
+    """State of one run between calls.
 
     copies (2 W,) : counts of the owners as doubles, then what a like pair takes beside one copy: n_i - less_i, or 0
     partials (W,) : L, a bound from above
@@ -134,7 +134,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     species = model.species
     copies, partials, sums, blocks, spans = work.copies, work.partials, work.sums, work.blocks, work.spans
     if stop is not None:
-        is_watched, table = stop.is_watched, stop.table
+        affects_stop, table = stop.affects_stop, stop.table
     # Unsigned: indices need no check for negative ones.
     one, side, width, n_spans = np.uint64(1), np.uint64(BLOCK), np.uint64(sums.size), np.uint64(spans.size)
     t, passed, n_events, age = clock[0], seen[0], 0, work.age[0]
@@ -154,6 +154,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         if outcome != UNFINISHED:
             break
 
+        # The owner, from spans of 64 to blocks of 8 to single owners, by the uniform share of the total bound.
         target = uniforms[draw] * total
         span = np.uint64(0)
         while span + one < n_spans and spans[span] <= target:
@@ -169,6 +170,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         while owner < last and sums[owner] <= target:
             target -= sums[owner]
             owner += one
+        # The channel: a walk over the exact partial propensities of the owner.
         share = target / copies[owner]
         chosen, end = np.uint64(owned_starts[owner]), np.uint64(owned_starts[owner + one])
         part = 0.0
@@ -186,6 +188,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             if part > share:
                 break
             chosen += one
+        # Thinning: the share lies in the margin between bound and true sum, so nothing happens. If the true total is
+        # 0, only margins are left, and the run is frozen.
         if not part > share:
             is_frozen = refresh(model, work) == 0.0
             age = 0
@@ -205,6 +209,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             begin, end = np.uint64(reach[s, 0]), np.uint64(reach[s, 1])
             if begin == end:
                 continue
+            # L_i += C_is * change for every owner i coupled to the changed species, then the sums above it.
             gained = float(change_copies[k])
             for i in range(begin, end):
                 partials[i] += couplings[s, i] * gained
@@ -221,7 +226,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
-        if stop is not None and is_watched[chosen] and holds(stop, table, counts):
+        if stop is not None and affects_stop[chosen] and holds(stop, table, counts):
             outcome = STOPPED
             break
     if is_over:  # the event has not been

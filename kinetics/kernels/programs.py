@@ -27,7 +27,7 @@ class Programs(NamedTuple):
 
 @compiled
 def of_one(code, x):
-    """A function of one number."""
+    """Apply one of the functions of one number, by its code."""
     if code == NEGATE:
         return -x
     if code == NOT:

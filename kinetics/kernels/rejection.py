@@ -76,7 +76,7 @@ class RejectionModel(NamedTuple):
 
 
 class RejectionWork(NamedTuple):
-    """What one run keeps between calls.
+    """State of one run between calls.
 
     groups (G,) GROUP : count of each group's owner, partial (L) and bin
     places (G,) uint32 : where in its bin each group lies
@@ -195,7 +195,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     groups, places, members, sizes = work.groups, work.places, work.members, work.sizes
     uppers, inverses, masses = work.uppers, work.inverses, work.masses
     if stop is not None:
-        is_watched, table = stop.is_watched, stop.table
+        affects_stop, table = stop.affects_stop, stop.table
     # Unsigned: indices need no check for negative ones.
     one, two, three, n_groups = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(groups.size)
     base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]
@@ -219,12 +219,14 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         group = np.uint64(picked)
         owners = groups[group].owners
         whole = owners * (groups[group].partial + groups[group].like * (owners - 1.0))
+        # Rejection: the point lies between the group's sum and the upper edge of its bin.
         if target >= whole:
             if highest == 0:  # all sums have fallen below the bins
                 fill_bins(work)
                 base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]
                 total = work.total[0]
             continue
+        # Composition: the point below the sum falls on a channel of the group.
         end = np.uint64(groups[group].end)
         part = 0.0
         while chosen < end:
@@ -240,6 +242,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         if not owners * part > target:  # the sum was rounded up
             continue
 
+        # Pick the group of the next step before the updates; it is stale, and picked again, if they move a group to
+        # another bin.
         fires, event = chosen, np.uint64(channels[chosen].event)
         is_stale = draw + one == np.uint64(waits.size)
         if not is_stale:
@@ -257,6 +261,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         if is_over:
             outcome = OVERFLOW
             break
+        # Renew the partial sums, and the bins, of all groups that read a changed count.
         is_beyond = False
         list_end = np.uint64(words[event + one])
         is_joint = list_end > 0
@@ -323,7 +328,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = fires
         n_events += 1
-        if stop is not None and is_watched[fires] and holds(stop, table, counts):
+        if stop is not None and affects_stop[fires] and holds(stop, table, counts):
             outcome = STOPPED
             break
     if is_over:  # the event has not been; undone out here, it costs the others nothing

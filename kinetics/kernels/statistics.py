@@ -80,7 +80,7 @@ def add_squares(counts, reference, sums, squares):
 
 @compiled
 def add_products(counts, reference, first, second, sums, products):
-    """The same with the products of pairs of species `first`, `second` (P,); products : (T, P)."""
+    """Add the products of counts of pairs of species `first`, `second` (P,) to `products` (T, P)."""
     runs, n_times, n_species = counts.shape
     off = np.empty(n_species, dtype=np.int64)
     for i in range(runs):

@@ -28,6 +28,7 @@ from kinetics.network import Model, Network
 from kinetics.network.predicates import StateNames
 from kinetics.support.answer import Answer, weakest
 from kinetics.support.arrays import Counts, Floats, some_times
+from kinetics.support.frozen import set_fields
 from kinetics.support.tables import counted
 
 Target = str | ArrayLike  # a condition on counts and labels as text, or truths (N,)
@@ -69,8 +70,7 @@ class Chain:
     space: StateSpace | None = None
 
     def __post_init__(self) -> None:
-        for name, value in checked_parts(vars(self)).items():
-            object.__setattr__(self, name, value)
+        set_fields(self, **checked_parts(vars(self)))
 
     @classmethod
     def of(
@@ -81,25 +81,26 @@ class Chain:
         rewards: Mapping[str, Reward | ArrayLike | str] | None = None,
         stop: Condition | None = None,
         max_states: int = MAX_STATES,
-        within: Condition | int | None = None,
+        truncate: Condition | int | None = None,
     ) -> Chain:
         """The chain of a model; its variables are the species, its first state is where it starts.
 
         initial : counts at time 0 that go before the model's; None for these
         stop : condition in which the chain stops, as text or as a function of states (n, S) with truths (n,); what
             lies beyond is not explored, so that the others may be finitely many
-        within : condition within which it is followed, likewise, or the least number of states, those that the fewest
-            events lead to; beyond, it is `truncated`
+        truncate : condition of the states that are kept, likewise, or their least number, those that the fewest
+            events lead to; states beyond are `truncated`
         ValueError: more states than `max_states` can be reached
 
         >>> from kinetics import Chain, Network
-        >>> chain = Chain.of(Network.from_text("0 <-> A, 5, 1"), {"A": 0}, within="A < 40", labels={"many": "A >= 12"})
+        >>> births = Network.from_text("0 <-> A, 5, 1")
+        >>> chain = Chain.of(births, {"A": 0}, truncate="A < 40", labels={"many": "A >= 12"})
         >>> answer = chain.until("many", by=10.0)
         >>> round(answer.value, 6), answer.high - answer.low < 1e-9  # the states beyond 39 hardly count
         (0.155954, True)
         """
         given = Model.of(model, initial)
-        space, truncated = enumerated(given.network, given.initial, stop, within, max_states)
+        space, truncated = enumerated(given.network, given.initial, stop, truncate, max_states)
         named = labels or {}, rewards or {}, given.network.species, space.states
         return cls(space.transitions(), 0, *named, truncated, space)
 
@@ -124,7 +125,7 @@ class Chain:
         """A ValueError where the chain is truncated."""
         if self.truncated.any():
             raise ValueError(
-                f"{question} needs the whole state space, and this chain is truncated: list all of its states, or ask "
+                f"{question} needs the whole state space, and this chain is truncated: enumerate all states, or ask "
                 f"for a probability, a committor, a passage time or a reward"
             )
 
@@ -229,7 +230,7 @@ class Chain:
         return self._answer(lambda: steady_mean(self.stationary(), held).clipped(), EQUATIONS)
 
     def stationary(self) -> Stationary:
-        """The distribution after infinite time, with a relative error a state."""
+        """The stationary distribution, with a relative error bound for every state."""
         self.check_complete("a steady state")
         return replace(stationary_of(*self._begun), space=self.space)
 
@@ -258,7 +259,7 @@ class Chain:
         if twice.max() > 1:
             row = int(np.argmax(twice))
             state = row if self.counts is None else self.counts[row].tolist()
-            raise ValueError(f"state {state} belongs to two targets; make them exclude each other")
+            raise ValueError(f"state {state} belongs to two targets; make them disjoint")
         return replace(committor_of(*self._begun, masks, self.truncated & (twice == 0)), space=self.space)
 
     @property
@@ -305,7 +306,7 @@ def reward_asked(
 
 
 def impulse_reward(chain: Chain, reward: Reward) -> Floats | None:
-    """What a reward gives for each entry (K,) of the transitions; None where it has no impulses."""
+    """The impulse reward (K,) of each entry of the transitions; None if the reward has no impulses."""
     if reward.impulses is None:
         return None
     return np.asarray(reward.impulses[chain.transitions.rows, chain.transitions.columns]).ravel()

@@ -126,7 +126,10 @@ def checked_rates(generator: Any) -> csr_array:
     with np.errstate(over="ignore"):
         largest = float(rates.sum(axis=1).max())
     if not largest <= LARGEST:
-        raise ValueError(f"a state is left at {largest:g} 1/tu; at most {LARGEST:g} is read: choose a shorter unit")
+        raise ValueError(
+            f"a state has an exit rate of {largest:g} 1/tu; the largest allowed is {LARGEST:g}: choose "
+            f"a shorter time unit"
+        )
     if diagonal.any():
         exits = np.asarray(rates.sum(axis=1)).ravel()
         off = np.abs(exits + diagonal) > ROUNDED * np.maximum(exits, np.abs(diagonal))

@@ -93,7 +93,7 @@ def write_explicit(chain: Chain, path: str | Path) -> None:
     ([[-0.1, 0.1], [2.0, -2.0]], [False, True])
     """
     if np.any(chain.truncated):
-        raise ValueError("the chain is a part of a larger one, which a .tra file cannot say; list all of its states")
+        raise ValueError("the chain is truncated, which a .tra file cannot express; enumerate all of its states")
     file = Path(path)
     if file.suffix != ".tra":
         raise ValueError(f"{file} must end in .tra")
@@ -134,7 +134,7 @@ def _check_written(chain: Chain, file: Path, contents: Mapping[Path, str]) -> No
             again = read_explicit(folder / file.name)
         except ValueError as error:
             told = str(error).replace(f"{folder}/", "")
-            raise ValueError(f"{file} is not written, since it cannot be read back: {told}") from None
+            raise ValueError(f"{file} is not written, because it cannot be read back: {told}") from None
     own = [mask for name, mask in chain.labels.items() if name not in chain.built_in]
     masks = [*chain.built_in.values(), *own]
     wrong = {
@@ -150,7 +150,7 @@ def _check_written(chain: Chain, file: Path, contents: Mapping[Path, str]) -> No
         wrong[f"reward {name!r}"] = is_other
     if any(wrong.values()):
         what = next(what for what, is_other in wrong.items() if is_other)
-        raise ValueError(f"{file} is not written, since it would say something else: its {what} would differ")
+        raise ValueError(f"{file} is not written, because it would describe another chain: its {what} would differ")
 
 
 def _counts(chain: Chain) -> NDArray[Any]:
@@ -158,7 +158,7 @@ def _counts(chain: Chain) -> NDArray[Any]:
 
 
 def _differ(one: Any, other: Any) -> bool:
-    """Whether two sparse tables, of which None has no entry, differ off the diagonal."""
+    """True if two sparse tables differ off the diagonal; None is a table without entries."""
     if one is None and other is None:
         return False
     apart = (one if other is None else -other if one is None else one - other).tocoo()

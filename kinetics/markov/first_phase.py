@@ -26,7 +26,7 @@ Mask = NDArray[np.bool_]
 
 
 class FirstPhase(NamedTuple):
-    """Where the runs of a chain are when an interval begins.
+    """The state of a chain at the beginning of a time interval: its distribution, and the probability truncated before.
 
     start : (N,) probabilities, which sum to 1, of runs that kept to the allowed states and met no edge
     share : probability of such a run
@@ -56,7 +56,7 @@ class FirstPhase(NamedTuple):
         space: StateSpace | None = None,
         method: ListingMethod | None = None,
     ) -> FirstPhase:
-        """The first phase of a question about an interval from `after` to `by`, tu."""
+        """Compute the first phase of a question about an interval from `after` to `by`, tu."""
         began = time.process_time()
         begins, by = one_time("after", interval[0]), interval[1]
         ends = begins if by is None else one_time("by", by)

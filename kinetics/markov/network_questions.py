@@ -24,7 +24,7 @@ def chain_to(
     species: Counted,
     copies: int,
     max_states: int = MAX_STATES,
-    within: Condition | int | None = None,
+    truncate: Condition | int | None = None,
 ) -> tuple[Chain, Mask]:
     """The chain that stops at `copies` of a species, and the states (N,) in which it does.
 
@@ -37,7 +37,7 @@ def chain_to(
     """
     given = Model.of(model, initial)
     (weights, _), wanted = summed(given.network, species), whole_number("copies", copies, 0)
-    chain = Chain.of(given, stop=lambda states: states @ weights >= wanted, max_states=max_states, within=within)
+    chain = Chain.of(given, stop=lambda states: states @ weights >= wanted, max_states=max_states, truncate=truncate)
     return chain, chain.counts @ weights >= wanted
 
 

@@ -233,10 +233,9 @@ class Sensitivity:
     def _of_interval(
         self, answer: Answer, held: Mask, stops: Mask, ways: Mask, interval: tuple[float, float | None]
     ) -> Derivatives:
-        """Of the probability of `held` at the end of an interval, of the chain that stops in it; before, off the ways.
+        """Derivatives of the probability p u that `held` holds at the end of an interval of times.
 
-        With p the distribution at its beginning and u the probability from each state there, the answer is p u, and
-        its derivative that of p at given u, by a first adjoint pass, and that of u at given p, by a second.
+        p is the distribution at its beginning, u the probability from each state there: two adjoint passes, one each.
         """
         began, chain = time.process_time(), self._chain
         truncated = np.zeros_like(ways)
@@ -254,11 +253,9 @@ class Sensitivity:
         return self._derivatives(Gradient(answer, value, wide, is_bound), before.method, time.process_time() - began)
 
     def _scores(self, time: float, error: float, square: float | None = None) -> Floats:
-        """What an error of values between 0 and 1 adds at most to a derivative by each parameter (P,), over a time.
-
-        Each firing changes their mean by twice the error at most. Or, by Cauchy and Schwarz, with `square` the mean of
-        their square: the mean square of the score of a path is that of its number of firings (see `at_a_time`).
-        """
+        """Bounds (P,) on the error of each derivative that an error of values between 0 and 1 causes over a time."""
+        # A firing changes the mean by at most twice the error. With `square`, the mean square of the values, the
+        # Cauchy-Schwarz inequality gives the square root of the mean squared score of a path instead: see `at_a_time`.
         rows, channels = self._entries.transitions.rows, self._entries.channels
         places, inverse = np.unique(channels * len(self._chain) + rows, return_inverse=True)
         fastest = np.zeros(self._entries.n_channels)

@@ -26,12 +26,12 @@ def answering_chains(
     questions: Sequence[Question],
     model: Model,
     stop: Condition | None = None,
-    within: Condition | int | None = None,
+    truncate: Condition | int | None = None,
     max_states: int = MAX_STATES,
 ) -> Iterator[tuple[Chain, list[int]]]:
     """Chains of a model with its observables, each with the places of the questions that it answers.
 
-    stop, within, max_states : as `Chain.of` has them
+    stop, truncate, max_states : as `Chain.of` has them
     All questions have one chain where their answers are settled in the same states, or where all states can be listed;
     else each kind has its own, which is made when the one before has answered.
 
@@ -42,7 +42,6 @@ def answering_chains(
     >>> [(len(chain), places) for chain, places in answering_chains(questions, growth, max_states=100)]
     [(3, [0]), (6, [1])]
     """
-
     # Where a chain starts and cannot go on is known of the whole chain: a state in which it was stopped has no way out.
     whole = [name for name in (INIT, DEADLOCK) if name not in (*model.network.species, *model.observables)]
 
@@ -57,7 +56,7 @@ def answering_chains(
                 found |= settled.holds(names)
             return found
 
-        chain = Chain.of(model, stop=stop if settled is None else stops, within=within, max_states=max_states)
+        chain = Chain.of(model, stop=stop if settled is None else stops, truncate=truncate, max_states=max_states)
         return observing(chain, model)
 
     alike: dict[Settled | None, list[int]] = {}

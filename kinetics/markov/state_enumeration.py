@@ -21,12 +21,12 @@ def enumerated(
     network: Network,
     initial: Mapping[str, int] | ArrayLike,
     stop: Condition | None,
-    within: Condition | int | None,
+    truncate: Condition | int | None,
     max_states: int,
 ) -> tuple[StateSpace, Mask]:
     """The states of a network, and which of them (N,) are truncated: not followed though the chain goes on there.
 
-    stop : where the chain stops; within : where it is followed, or the least number of states to list, nearest first
+    stop : where the chain stops; truncate : condition of the states that are kept, or their least number, nearest first
     """
     network.known_rates  # noqa: B018 - missing rates are refused before any state is explored
 
@@ -34,12 +34,12 @@ def enumerated(
         return np.zeros(len(states), dtype=bool) if stop is None else held(stop, network, states)
 
     most = whole_number("max_states", max_states, 1)
-    if within is None:
+    if truncate is None:
         space = reachable(network, initial, None if stop is None else stops, most)
         return space, np.zeros(len(space), dtype=bool)
-    if not isinstance(within, str) and not callable(within):
-        return _nearest(network, initial, within, most, stops)
-    inside = within
+    if not isinstance(truncate, str) and not callable(truncate):
+        return _nearest(network, initial, truncate, most, stops)
+    inside = truncate
 
     def ends(states: Ints) -> Mask:
         return stops(states) | ~held(inside, network, states)
@@ -47,7 +47,9 @@ def enumerated(
     space = reachable(network, initial, ends, most)
     truncated = space.is_stopped & ~stops(space.states)
     if truncated[0]:
-        raise ValueError("the chain starts outside the states that it is followed within; give a condition that holds")
+        raise ValueError(
+            "the chain starts outside the states to which it is truncated; give a condition that holds there"
+        )
     return space, truncated
 
 
@@ -59,10 +61,10 @@ def _nearest(
     stop: Callable[[Ints], Mask],
 ) -> tuple[StateSpace, Mask]:
     """The states that the fewest events lead to, `at_least` so many; those that the last event led to are truncated."""
-    enough = whole_number("within", at_least, 1)
+    enough = whole_number("truncate", at_least, 1)
     if enough > most:
         raise TooManyStatesError.of(
-            f"within = {enough} states, but at most {most} are listed", "Follow the chain within fewer, or allow more"
+            f"truncate = {enough} states, but at most {most} are enumerated", "Truncate to fewer, or allow more"
         )
     search = Search(network, network.state(initial)[None, :], most, stop)
     begin = 0

@@ -23,7 +23,7 @@ MANY_STEPS = 1_000_000  # of a pass backwards; more take longer than to solve a 
 
 
 def one_time(name: str, given: float) -> float:
-    """A finite time, tu, of at least 0."""
+    """Check one time, tu: finite and at least 0, else a ValueError."""
     return float(rising_times([real_number(name, given)])[0])
 
 

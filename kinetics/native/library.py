@@ -65,7 +65,7 @@ class StopTable(Structure):
     """`ensemble_work.Stop` without its program, as sampling.h has it."""
 
     _fields_ = [
-        ("is_watched", POINTER(c_char)),
+        ("affects_stop", POINTER(c_char)),
         ("table", POINTER(c_double)),
     ]
 

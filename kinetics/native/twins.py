@@ -8,77 +8,65 @@ arguments and results of its twin in Python, named in its note, which runs where
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinetics import kernels
-from kinetics.kernels.ensemble_work import Stop
+from kinetics.kernels.ensemble_work import EnsembleWork, Stop
 from kinetics.native.lanes import Lanes
 from kinetics.native.library import (
     ChainMoves,
     ChannelModel,
-    HashedStates,
-    SearchProgress,
-    SparseRows,
-    StateVerdicts,
     StopTable,
     call,
     filled,
     given,
     is_built,
 )
-from kinetics.support.interrupts import pieces
+from kinetics.support.interrupts import short_slices
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Words = NDArray[np.uint64]
-Entries = tuple[Ints, Ints, Ints]  # starts, columns and values of a sparse table
-Verdicts = tuple[NDArray[np.bool_], NDArray[np.bool_], Ints]  # of states: stops (n,), laws at work (n, L); law of (R,)
+Stopping = tuple[Stop | None, Floats | None]  # the condition at which runs end, and when it first held in each
 
-COMPLETE, TOO_MANY, UNJUDGED, FULL = 0, 1, 2, -1  # outcomes of an exploration; FULL: go on in more room
-OUTSIDE = -2  # where a channel leads out of a table of states
-ALL_AT_ONCE = (
-    2**25
-)  # bytes: a larger table of states gets all the room that it may have; memory is taken as states come
-MOST_LEVELS = 1024  # for which there is room at first
 BLOCK = 8  # channels, whose propensities are summed by themselves
 
 
 def direct(
-    model: Any, changes: Ints, work: Any, initial: Ints, grid: Floats, key: Words, first_run: int, limits: Ints,
-    out: Ints, most: int, stop: Stop | None = None, reached: Floats | None = None,
-) -> int:  # fmt: skip
-    """Go on with many runs by the direct method, one by one: `direct.ensemble`."""
+    model: Any, changes: Ints, work: EnsembleWork, initial: Ints, grid: Floats, key: Words, first_run: int, out: Ints,
+    stopping: Stopping = (None, None),
+) -> Callable[[Ints, int], int]:  # fmt: skip
+    """What goes on with many runs by the direct method, one by one, given limits and the most events of a call:
+    `direct.ensemble`."""
+    stop, reached = stopping
     if not is_built() or _has_program(stop):
-        return kernels.direct.ensemble(
+        return lambda limits, most: kernels.direct.ensemble(
             model, changes, work, initial, grid, key, first_run, limits, out, most, stop, reached
         )
-    start, times = given(initial, np.int64), given(grid, float)
-    outcome: int = call(
-        "direct", _model(model, changes), *work, start, times, times.size, given(key, np.uint64), first_run, limits,
-        len(out), out, most, _table(stop), reached,
-    )  # fmt: skip
-    return _sampled(outcome, changes)
+    chain, times, table = _model(model, changes), given(grid, float), _table(stop)
+    begun = chain, *work, given(initial, np.int64), times, times.size, given(key, np.uint64), first_run
+    return lambda limits, most: _sampled(call("direct", *begun, limits, len(out), out, most, table, reached), changes)
 
 
 def lockstep(
-    model: Any, changes: Ints, lanes: Lanes, initial: Ints, grid: Floats, key: Words, first_run: int, limits: Ints,
-    out: Ints, is_odd: NDArray[np.bool_], most: int, stop: Stop | None = None, reached: Floats | None = None,
-) -> None:  # fmt: skip
-    """Go on with the same runs, 64 side by side: `lockstep.lockstep`."""
+    model: Any, changes: Ints, lanes: Lanes, initial: Ints, grid: Floats, key: Words, first_run: int, out: Ints,
+    is_odd: NDArray[np.bool_], stopping: Stopping = (None, None),
+) -> Callable[[Ints, int], None]:  # fmt: skip
+    """What goes on with many runs, 64 side by side, given limits and the most events of a call:
+    `lockstep.lockstep`."""
+    stop, reached = stopping
     if not is_built() or _has_program(stop):
         work = kernels.lockstep.LockstepWork(**lanes.arrays)
-        kernels.lockstep.lockstep(
+        return lambda limits, most: kernels.lockstep.lockstep(
             model, changes, work, initial, grid, key, first_run, limits, out, is_odd, most, stop, reached
         )
-        return
-    start, times = given(initial, np.int64), given(grid, float)
-    call(
-        "lockstep", _model(model, changes), lanes.record, start, times, times.size, given(key, np.uint64), first_run,
-        limits, len(out), out, is_odd, most, _table(stop), reached,
-    )  # fmt: skip
+    chain, times, table = _model(model, changes), given(grid, float), _table(stop)
+    begun = chain, lanes.record, given(initial, np.int64), times, times.size, given(key, np.uint64), first_run
+    return lambda limits, most: call("lockstep", *begun, limits, len(out), out, is_odd, most, table, reached)
 
 
 def _sampled(outcome: int, changes: Ints) -> int:
@@ -116,7 +104,7 @@ def _has_program(stop: Stop | None) -> bool:
 
 
 def _table(stop: Stop | None) -> Any:
-    return None if stop is None else filled(StopTable, stop.is_watched, stop.table)
+    return None if stop is None else filled(StopTable, stop.affects_stop, stop.table)
 
 
 def events(
@@ -188,102 +176,13 @@ def add_products(counts: Ints, reference: Ints, first: Ints, second: Ints, sums:
         kernels.statistics.add_products(counts, reference, first, second, sums, products)
 
 
-def tabulate(keys: Words, n: int, size: int) -> Ints:
-    """Hash table of `size` slots that hold the rows of the first n keys: `exploration.tabulate`."""
-    if is_built():
-        slots = np.empty(size, np.int64)
-        call("tabulate", keys, n, slots, size)
-        return slots
-
-    return kernels.exploration.tabulate(keys, n, size)
-
-
-def find(asked: Ints, asked_keys: Words, states: Ints, keys: Words, table: Ints) -> Ints:
-    """Rows (n,) of the states asked for; -1 where there is none: `exploration.find`."""
-    if not is_built():
-        return kernels.exploration.find(asked, asked_keys, states, keys, table)
-    rows = np.empty(len(asked), np.int64)
-    space = filled(HashedStates, states, keys, table, keys.size, table.size, states.shape[1])
-    call("find", given(asked, np.int64), given(asked_keys, np.uint64), len(asked), space, rows)
-    return rows
-
-
-def insert(new: Ints, new_keys: Words, states: Ints, keys: Words, table: Ints, n: int, rows: Ints) -> int:
-    """Add to the first n states those that are new, for which there is room; how many there are then:
-    `exploration.insert`."""
-    if not is_built():
-        return kernels.exploration.insert(new, new_keys, states, keys, table, n, rows)
-    space = filled(HashedStates, states, keys, table, keys.size, table.size, states.shape[1])
-    return int(call("insert", given(new, np.int64), given(new_keys, np.uint64), len(new), space, n, rows))
-
-
-def explore(
-    needed: Entries, changes: Entries, key_changes: Words, states: Ints, keys: Words, table: Ints, n: int, begin: int,
-    end: int, level_end: int, is_stopped: NDArray[np.bool_], judged: tuple[Ints, Words, Ints], verdicts: Verdicts,
-    most: int,
-) -> tuple[Ints, Words, Ints, int, int, int, int, Ints]:  # fmt: skip
-    """Add to the first n states all to which those from `begin` on lead: `exploration.explore`."""
-    if not is_built():
-        return kernels.exploration.explore(
-            needed, changes, key_changes, states, keys, table, n, begin, end, level_end, is_stopped, judged, verdicts,
-            most,
-        )  # fmt: skip
-    wants, does = filled(SparseRows, *needed), filled(SparseRows, *changes)
-    stopped, sizes = given(is_stopped, np.bool_), np.zeros(MOST_LEVELS, np.int64)
-    known = filled(HashedStates, *judged, judged[1].size, judged[2].size, states.shape[1])
-    told = filled(StateVerdicts, *verdicts, verdicts[1].shape[1])
-    progress = SearchProgress(begin, n, 0, level_end)
-    while True:
-        space = filled(HashedStates, states, keys, table, keys.size, table.size, states.shape[1])
-        outcome = call(
-            "explore", wants, does, key_changes, key_changes.size, space, end, stopped, stopped.size, known, told, most,
-            sizes, sizes.size, progress,
-        )  # fmt: skip
-        n, levels = progress.n, progress.n_levels
-        if outcome != FULL:
-            break
-        if n == keys.size:
-            room = most if states.nbytes > ALL_AT_ONCE else min(2 * n, most)
-            states, keys = (enlarged(array, n, room) for array in (states, keys))
-            table = tabulate(keys, n, slots_for(room))
-        else:
-            sizes = np.append(sizes, np.zeros_like(sizes))
-    return states, keys, table, n, progress.i, progress.level_end, outcome, sizes[:levels]
-
-
-def enlarged(array: Any, n: int, room: int) -> Any:
-    """The first n rows of an array, with room for more."""
-    larger = np.empty((room, *array.shape[1:]), dtype=array.dtype)
-    larger[:n] = array[:n]
-    return larger
-
-
-def slots_for(n: int) -> int:
-    """Size of a table, a power of two, that n states fill to a half at most."""
-    return int(2 ** max(4, (2 * n - 1).bit_length()))
-
-
-def neighbours(
-    begin: int, propensities: Floats, changes: Entries, key_changes: Words, states: Ints, keys: Words, table: Ints
-) -> Ints:
-    """Row (n, R) to which each channel leads from the states begin, begin + 1, ...: `exploration.neighbours`."""
-    if not is_built():
-        return kernels.exploration.neighbours(begin, propensities, changes, key_changes, states, keys, table)
-    n, n_channels = propensities.shape
-    ends = np.empty((n, n_channels), np.int64)
-    space = filled(HashedStates, states, keys, table, keys.size, table.size, states.shape[1])
-    rates = given(propensities, float)
-    call("neighbours", begin, rates, n, n_channels, filled(SparseRows, *changes), key_changes, space, ends)
-    return ends
-
-
 def advance(
     begins: NDArray[np.uint32], sources: NDArray[np.uint32], shares: Floats, exits: Floats, vectors: Floats,
     flows: Floats,
 ) -> None:  # fmt: skip
     """ChainMoves of a uniformised chain: `markov.advance`."""
     moves = filled(ChainMoves, begins, sources, shares, exits, exits.size) if is_built() else None
-    for part in pieces(flows.size, shares.size + exits.size):
+    for part in short_slices(flows.size, shares.size + exits.size):
         some, out = vectors[part.start : part.stop + 1], flows[part]
         if moves is not None:
             call("advance", moves, some, out, out.size)
@@ -295,7 +194,7 @@ def advance(
 def mix(rows: Ints, weights: Floats, vectors: Floats, mixed: Floats) -> None:
     """Add sums of weighted vectors to rows: `markov.mix`."""
     places, factors = given(rows, np.int64), given(weights, float)
-    for part in pieces(places.size, vectors.size):
+    for part in short_slices(places.size, vectors.size):
         if is_built():
             some, by = places[part], factors[part]
             call("mix", some, by, some.size, by.shape[1], vectors, vectors.shape[1], mixed)
@@ -310,7 +209,7 @@ def absorb(
 ) -> None:  # fmt: skip
     """ChainMoves of a chain whose last state is never left: `markov.absorb`."""
     moves = filled(ChainMoves, begins, sources, shares, exits, exits.size) if is_built() else None
-    for part in pieces(flows.size, shares.size + exits.size):
+    for part in short_slices(flows.size, shares.size + exits.size):
         if moves is not None:
             out = absorbed[part], alive[part], flows[part]
             call("absorb", moves, vector, np.empty_like(vector), *out, out[0].size)
@@ -330,7 +229,7 @@ def retreat(moves: Any, starts: Ints, chances: Floats, now: Floats, before: Floa
     first, weights = given(starts, np.int64), given(chances, float)
     is_native = isinstance(moves, ChainMoves)
     n_moves = (moves.kept if is_native else moves)[2].size
-    for part in pieces(means.size, 2.0 * (n_moves + now.size)):
+    for part in short_slices(means.size, 2.0 * (n_moves + now.size)):
         out = means[part]
         if is_native:
             call("retreat", moves, first, weights, first.size, now, before, out, out.size)
@@ -342,7 +241,7 @@ def retreat(moves: Any, starts: Ints, chances: Floats, now: Floats, before: Floa
 def reduce(band: Floats, leaving: Floats, exits: Floats) -> int:
     """Take out the states of a banded chain from the last to the first: `elimination.reduce`."""
     n, width, changes = exits.size, band.shape[1] // 2, 0
-    for part in pieces(n, float(width) ** 2):
+    for part in short_slices(n, float(width) ** 2):
         begin, end = n - part.stop, n - part.start
         if is_built():
             changes += call("reduce_band", band, leaving, exits, begin, end, width)

@@ -22,7 +22,7 @@ def checked_names(what: str, names: Sequence[str]) -> tuple[str, ...]:
         raise ValueError(f"{what} must be non-empty names; {checked} came")
     if len(set(checked)) < len(checked):
         doubled = {name for name, count in Counter(checked).items() if count > 1}
-        raise ValueError(f"{what} has {min(doubled)!r} twice; every name must differ")
+        raise ValueError(f"{what} has {min(doubled)!r} twice; names must be unique")
     return checked
 
 

@@ -14,6 +14,7 @@ from kinetics.network.checks import nearest, some_names
 from kinetics.network.laws.on_demand import is_formula
 from kinetics.network.network import Network
 from kinetics.support.arrays import Counts, Ints
+from kinetics.support.frozen import set_fields
 
 PARAMETER, SPECIES, CHANNEL, CONSERVED = "parameter", "species", "channel", "conserved quantity"
 
@@ -44,7 +45,7 @@ class Model:
 
     def __post_init__(self) -> None:
         counts: Counts = self.network.initial if self.initial is None else self.initial
-        object.__setattr__(self, "initial", self.network.state(counts))
+        set_fields(self, initial=self.network.state(counts))
         for name, weights in self.observables.items():
             unknown = [each for each in weights if each not in self.network.species_places]
             if unknown:

@@ -188,7 +188,7 @@ class Network(Shown):
         idle = np.flatnonzero(np.diff(change.starts) == 0)
         if idle.size:
             name = list(reactions)[idle[0]]
-            warnings.warn(f"channel {name!r} changes nothing: it makes what it needs; leave it out", stacklevel=2)
+            warnings.warn(f"channel {name!r} changes nothing: products and reactants agree; leave it out", stacklevel=2)
         return cls(
             named, tuple(reactions), needed, change, np.ones(len(reactions)) if ways is None else ways, constants,
             combinations, conserved, laws, events, at_zero, Parameters(parameters or {}), time_unit,
@@ -292,7 +292,7 @@ class Network(Shown):
                 beyond = np.isinf(self.known_rates * self.ways * h).reshape(-1, len(self.channels)).any(axis=0)
             raise ValueError(
                 f"channel {self.channels[int(np.argmax(beyond))]!r}: its propensity is beyond what a float can hold, "
-                f"1.8e308; lower its rate constant, or start from fewer copies"
+                f"1.8e308; lower its rate constant, or start from smaller counts"
             ) from None
 
     @property
@@ -300,7 +300,7 @@ class Network(Shown):
         """The rate constants (R,), or ValueError if there are none yet."""
         if self.rate_constants is None:
             raise ValueError(
-                "this network has no rate constants yet; give it some, as in Rates.load('table3').apply(network)"
+                "this network has no rate constants yet; set them, as in Rates.load('table3').apply(network)"
             )
         return self.rate_constants
 

@@ -85,8 +85,8 @@ class StateNames:
         worst = int(np.argmax(np.where(np.isnan(lost), np.inf, lost)))
         if not lost[worst] <= allowed:
             raise ValueError(
-                f"{what}: loses its digits in state {worst}, where it is from {low[worst]:.3g} to {high[worst]:.3g}; "
-                "write it so that large terms do not cancel"
+                f"{what}: loses its digits in state {worst}, where it lies between {low[worst]:.3g} and "
+                f"{high[worst]:.3g}; rewrite it so that large terms do not cancel"
             )
         return np.clip(found, low, high), 1.001 * float(lost.max(initial=0.0))
 

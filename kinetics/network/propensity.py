@@ -58,7 +58,7 @@ def _combinations_of_many(copies: Ints, taken: int, counted: str) -> Floats:
     except OverflowError:
         raise ValueError(
             f"{taken} like reactants among {found[-1]} copies have more combinations ({counted!r}) than a float can "
-            f"hold, 1.8e308; start from fewer copies, or write the reaction in steps of fewer reactants"
+            f"hold, 1.8e308; start from smaller counts, or write the reaction in steps of fewer reactants"
         ) from None
     return values[where].reshape(copies.shape)
 

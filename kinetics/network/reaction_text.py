@@ -22,9 +22,9 @@ from kinetics.network.laws.graph import MOST_NODES, Code, Graph
 from kinetics.network.laws.reading import FUNCTIONS, LONGEST, NUMBER, Token, node_of, tokens_of
 from kinetics.network.laws.writing import quoted
 from kinetics.network.parameters import Parameters, meant, number_of
-from kinetics.network.pieces import QUOTED, Mark, Piece
 from kinetics.network.propensity import COMBINATIONS
 from kinetics.network.reactions import Reaction
+from kinetics.network.source_spans import QUOTED, Mark, SourceSpan
 from kinetics.support.limits import check_visible
 
 MOST_COPIES = 10**6  # in one place of a reaction
@@ -63,7 +63,7 @@ class ReactionText:
     observables: dict[str, Expression] = field(default_factory=dict)
     time_unit: str = ""
     combinations: str = "distinct"
-    written: dict[str, Piece] = field(default_factory=dict)
+    written: dict[str, SourceSpan] = field(default_factory=dict)
 
     @property
     def constants(self) -> list[float]:
@@ -80,7 +80,7 @@ class ReactionText:
     def check_counts(self) -> None:
         """A ValueError, with the line, for a count at time 0 that is no whole number of copies."""
         for name in self.parameters.initial:
-            self.written[name].told(lambda name=name: self.parameters.count(name))  # type: ignore[misc]
+            self.written[name].located(lambda name=name: self.parameters.count(name))  # type: ignore[misc]
 
 
 def read_reactions(text: str, parameters: Mapping[str, float] | None = None) -> ReactionText:
@@ -103,16 +103,16 @@ class _TextReading:
         self.graph = Graph(MOST_NODES + len(text))
         self.made = ReactionText()
         self.species: dict[str, None] = {}
-        self.reactions: list[tuple[str, Reaction, Piece]] = []
+        self.reactions: list[tuple[str, Reaction, SourceSpan]] = []
         self.labels: set[str] = set()
         self.assigned = self.made.written
-        self.observables: dict[str, Piece] = {}
+        self.observables: dict[str, SourceSpan] = {}
         self.settings: dict[str, str] = {}
         self.used: set[str] = set()
 
     def whole(self) -> ReactionText:
         for number, line in enumerate(self.text.splitlines(), 1):
-            self._read(Piece(number, line, 0, line))
+            self._read(SourceSpan(number, line, 0, line))
         if not self.species:
             what = "no reaction has a species" if self.reactions else "no reaction came"
             raise ValueError(f"{what}; expected lines such as 'A + B -> AB, 1e-3'")
@@ -120,8 +120,8 @@ class _TextReading:
         self._read_parameters()
         for name, _, rate in self.reactions:
             self._read_rate(name, rate)
-        for name, piece in self.observables.items():
-            self.made.observables[name] = self._formula(piece)
+        for name, span in self.observables.items():
+            self.made.observables[name] = self._formula(span)
         self._check_used()
         return self.made
 
@@ -130,12 +130,12 @@ class _TextReading:
         for name in (*self.chosen, *self.assigned):
             if name not in self.used and name not in self.species:
                 fault = f"{name!r} is neither a species nor in any formula{meant(name, [*self.species, *self.used])}"
-                piece = self.assigned.get(name)
-                raise ValueError(fault) if piece is None else piece._replace(start=0).wrong(f"{fault}; leave it out")
+                span = self.assigned.get(name)
+                raise ValueError(fault) if span is None else span._replace(start=0).wrong(f"{fault}; leave it out")
 
     # The lines
 
-    def _read(self, whole: Piece) -> None:
+    def _read(self, whole: SourceSpan) -> None:
         if len(whole.text) > LONGEST:
             raise whole.wrong(f"{len(whole.text)} characters; a line may have at most {LONGEST}")
         line, marks = whole.divided()
@@ -147,7 +147,7 @@ class _TextReading:
         elif line.text.strip():
             self._read_other(line, marks)
 
-    def _read_other(self, line: Piece, marks: list[Mark]) -> None:
+    def _read_other(self, line: SourceSpan, marks: list[Mark]) -> None:
         """A reaction, a parameter or a count."""
         label, begin = "", 0
         if marks and marks[0].sign == ":":
@@ -166,7 +166,7 @@ class _TextReading:
             )
         self._react(label, line, begin, arrows[0], [mark for mark in marks if mark.sign == ","])
 
-    def _set(self, setting: str, given: Piece) -> None:
+    def _set(self, setting: str, given: SourceSpan) -> None:
         if setting == "species":
             _, marks = given.divided()
             for part in given.between([mark for mark in marks if mark.sign == ","]):
@@ -196,13 +196,13 @@ class _TextReading:
             )
         self.made.combinations = given.text
 
-    def _equation(self, given: Piece) -> tuple[str, Piece | None]:
+    def _equation(self, given: SourceSpan) -> tuple[str, SourceSpan | None]:
         _, marks = given.divided()
         if not marks or marks[0].sign != "=":
             return "", None
         return self._name(given.part(0, marks[0].start), "an observable"), given.part(marks[0].end)
 
-    def _assign(self, name: Piece, formula: Piece) -> None:
+    def _assign(self, name: SourceSpan, formula: SourceSpan) -> None:
         key = self._name(name, "a parameter or a species")
         if key in self.assigned:
             raise name.wrong(f"{key!r} has a value in line {self.assigned[key].number} already; expected one")
@@ -210,29 +210,29 @@ class _TextReading:
             raise formula.wrong(f"{key!r} has no value; expected a number or a formula of parameters")
         self.assigned[key] = formula
 
-    def _name(self, piece: Piece, what: str) -> str:
-        tokens = piece.told(lambda: list(tokens_of(piece.text)))
+    def _name(self, span: SourceSpan, what: str) -> str:
+        tokens = span.located(lambda: list(tokens_of(span.text)))
         if len(tokens) != 1:
-            raise piece.wrong(f"{piece.text!r} came where {what} was expected: one word, or any text in quotes")
-        return self._named(piece, tokens[0])
+            raise span.wrong(f"{span.text!r} came where {what} was expected: one word, or any text in quotes")
+        return self._named(span, tokens[0])
 
-    def _named(self, piece: Piece, token: Token) -> str:
-        """The name that a word or a quoted text of a piece stands for."""
+    def _named(self, span: SourceSpan, token: Token) -> str:
+        """The name that a word or a quoted text of a span stands for."""
         if token.kind == "word":
             if quoted(token.text) != token.text:
-                fault = f"{token.text!r} means something in formulas; quote it where it is a name"
-                raise piece.wrong(fault, token.column)
+                fault = f"{token.text!r} is reserved in formulas; quote it if it is a name"
+                raise span.wrong(fault, token.column)
             return token.text
         if token.kind != "quoted":
             fault = f"{token.text!r} came where a name was expected: one word, or any text in quotes"
-            raise piece.wrong(fault, token.column)
+            raise span.wrong(fault, token.column)
         names: list[str] = []
-        here = piece.part(token.column, token.column + len(token.text))
-        here.told(lambda: node_of(here.text, Graph(), lambda name: names.append(name) or 0))  # type: ignore[func-returns-value]
-        here.told(lambda: check_visible("a name", names[0]))
+        here = span.part(token.column, token.column + len(token.text))
+        here.located(lambda: node_of(here.text, Graph(), lambda name: names.append(name) or 0))  # type: ignore[func-returns-value]
+        here.located(lambda: check_visible("a name", names[0]))
         return names[0]
 
-    def _react(self, label: str, line: Piece, begin: int, arrow: Mark, commas: list[Mark]) -> None:
+    def _react(self, label: str, line: SourceSpan, begin: int, arrow: Mark, commas: list[Mark]) -> None:
         if arrow.sign not in ("->", "<->"):
             raise line.wrong(f"the arrow {arrow.sign!r}; expected -> or <->", arrow.start)
         is_two_way = arrow.sign == "<->"
@@ -265,12 +265,12 @@ class _TextReading:
             n += 1
         return f"r{n}"
 
-    def _side(self, side: Piece, where: str) -> dict[str, int]:
+    def _side(self, side: SourceSpan, where: str) -> dict[str, int]:
         """Copies of each species on one side of a reaction."""
         if side.text in ("0", "∅"):
             return {}
         copies: dict[str, int] = {}
-        tokens = [*side.told(lambda: list(tokens_of(side.text))), Token("end", "", len(side.text))]
+        tokens = [*side.located(lambda: list(tokens_of(side.text))), Token("end", "", len(side.text))]
         i = 0
         while True:
             n = 1
@@ -295,7 +295,7 @@ class _TextReading:
                     token.column,
                 )
 
-    def _copies(self, side: Piece, token: Token) -> int:
+    def _copies(self, side: SourceSpan, token: Token) -> int:
         value = float(token.text)
         if not value.is_integer() or not 1 <= value <= MOST_COPIES:
             expected = f"expected a whole number from 1 to {MOST_COPIES}, or 0 alone for nothing"
@@ -312,31 +312,31 @@ class _TextReading:
         initial: dict[str, int | Expression] = {}
         values = {name: number_of(f"parameter {name!r}", value, {}) for name, value in self.chosen.items()}
         known = {name: values[name] for name in given}
-        for name, piece in self.assigned.items():
+        for name, span in self.assigned.items():
             if name not in self.species:
-                formula = self._formula(piece, known)
-                known[name] = self._number(piece, f"parameter {name!r}", values.get(name, formula), known)
+                formula = self._formula(span, known)
+                known[name] = self._number(span, f"parameter {name!r}", values.get(name, formula), known)
                 given[name] = formula if formula.parameters and name not in values else known[name]
         self.made.parameters = Parameters(given)
-        for name, piece in self.assigned.items():
+        for name, span in self.assigned.items():
             if name in self.species:
-                is_plain = COUNT.fullmatch(piece.text)
-                initial[name] = int(piece.text) if is_plain else self._formula(piece, known)
-                if self._number(piece, f"the count of {name!r}", initial[name], {}) < 0:
-                    raise piece.wrong(f"{piece.text} copies of {name!r}; expected at least 0")
+                is_plain = COUNT.fullmatch(span.text)
+                initial[name] = int(span.text) if is_plain else self._formula(span, known)
+                if self._number(span, f"the count of {name!r}", initial[name], {}) < 0:
+                    raise span.wrong(f"{span.text} copies of {name!r}; expected at least 0")
         self.made.parameters = Parameters(given, {}, initial)
 
-    def _read_rate(self, name: str, piece: Piece) -> None:
-        rate = float(piece.text) if re.fullmatch(NUMBER, piece.text) else self._formula(piece)
+    def _read_rate(self, name: str, span: SourceSpan) -> None:
+        rate = float(span.text) if re.fullmatch(NUMBER, span.text) else self._formula(span)
         if isinstance(rate, Expression) and (rate.reads_time or rate.species):  # all but parameters are species
             self.made.laws[name] = rate
             return
         self.made.rates[name] = rate
-        value = self._number(piece, "the rate", rate, {})
+        value = self._number(span, "the rate", rate, {})
         if value < 0:
-            raise piece.wrong(f"the rate is {value:g}; expected at least 0")
+            raise span.wrong(f"the rate is {value:g}; expected at least 0")
 
-    def _formula(self, piece: Piece, known: Mapping[str, float] | None = None) -> Expression:
+    def _formula(self, span: SourceSpan, known: Mapping[str, float] | None = None) -> Expression:
         """A formula with the values of its parameters; without counts where only `known` parameters may be read."""
         values = self.made.parameters.values if known is None else known
 
@@ -351,12 +351,12 @@ class _TextReading:
             return self.graph.name(name)
 
         def read() -> Expression:
-            place = node_of(piece.text, self.graph, named)
+            place = node_of(span.text, self.graph, named)
             formula = self.graph.formula(place)
             used = [str(node.value) for node in formula if node.code == Code.COUNT]
             return Expression.of(formula, {name: values[name] for name in used if name in values})
 
-        return piece.told(read)
+        return span.located(read)
 
     def _cure(self, name: str, values: Mapping[str, float]) -> str:
         """What to do about a name that is not known."""
@@ -369,8 +369,8 @@ class _TextReading:
             meant(name, [*values, *self.species]) or units or f"; give it a value, as by a line '{quoted(name)} = 1e-3'"
         )
 
-    def _number(self, piece: Piece, what: str, given: float | Expression, values: Mapping[str, float]) -> float:
-        return piece.told(lambda: number_of(what, given, values))
+    def _number(self, span: SourceSpan, what: str, given: float | Expression, values: Mapping[str, float]) -> float:
+        return span.located(lambda: number_of(what, given, values))
 
 
 def _behind_the_sum(text: str, begin: int) -> int:

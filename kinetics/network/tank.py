@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from kinetics.support.arrays import reals
+from kinetics.support.frozen import set_fields
 
 # Of volume, surface and their ratio: the factors between two tanks, and their squares, are then numbers too.
 LEAST, MOST = 1e-60, 1e60
@@ -26,7 +27,7 @@ class Tank:
         size = reals("tank", self.size, (3,), minimum=0)
         if not (size > 0).all():
             raise ValueError(f"tank = {tuple(size.tolist())}; expected three lengths above 0, such as 2 2 3")
-        object.__setattr__(self, "size", tuple(size.tolist()))
+        set_fields(self, size=tuple(size.tolist()))
         volume, surface = self.volume, self.surface
         if not (LEAST <= volume <= MOST and LEAST <= surface <= MOST and LEAST <= surface / volume <= MOST):
             raise ValueError(

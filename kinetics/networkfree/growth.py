@@ -15,6 +15,7 @@ from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Placement, Structure
 from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
+from kinetics.support.frozen import set_fields
 from kinetics.support.packages import pd
 from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, on_axes, over_time
 
@@ -53,14 +54,17 @@ class Growth(Shown, Tabular):
 
     def __post_init__(self) -> None:
         n, events = len(self.structures), len(self.times)
-        object.__setattr__(self, "initial", integers("initial", self.initial, (n,), 0))
-        object.__setattr__(self, "times", rising_times(self.times, strictly=False))
-        object.__setattr__(self, "end", float(reals("end", self.end, (), minimum=0)))
-        for name in ("before", "after"):
-            indices = integers(name, getattr(self, name), (events, 2), NOTHING)
+        set_fields(
+            self,
+            initial=integers("initial", self.initial, (n,), 0),
+            times=rising_times(self.times, strictly=False),
+            end=float(reals("end", self.end, (), minimum=0)),
+            before=integers("before", self.before, (events, 2), NOTHING),
+            after=integers("after", self.after, (events, 2), NOTHING),
+        )
+        for name, indices in (("before", self.before), ("after", self.after)):
             if indices.size and indices.max() >= n:
                 raise ValueError(f"{name} holds {indices.max()}; there are only {n} structures")
-            object.__setattr__(self, name, indices)
         if events and self.times[-1] > self.end:
             raise ValueError(f"an event at {self.times[-1]:g} comes after the end, {self.end:g}")
         sizes = np.append(self.sizes, 0)  # NOTHING = -1 picks the last
@@ -190,7 +194,7 @@ class Growth(Shown, Tabular):
     def _grid(self, times: ArrayLike) -> Floats:
         grid = rising_times(times)
         if grid.size and grid[-1] > self.end:
-            raise ValueError(f"the run was observed until {self.end:g}; {grid[-1]:g} was asked for")
+            raise ValueError(f"the run was observed until {self.end:g}; {grid[-1]:g} was requested")
         return grid
 
 
@@ -233,7 +237,7 @@ class Growths(Shown):
 
     def __post_init__(self) -> None:
         if not self.runs:
-            raise ValueError("no run is there; expected at least one")
+            raise ValueError("no runs; expected at least one")
         tanks = {(run.n_cubes, run.end) for run in self.runs}
         if len(tanks) > 1:
             raise ValueError(f"the runs have different (cubes, ends): {sorted(tanks)}; expected runs of one tank")
@@ -245,7 +249,7 @@ class Growths(Shown):
         return f"{len(self.runs)} network-free runs of {first.n_cubes} cubes until {first.end:g} tu"
 
     def summary(self) -> ResultTable:
-        """What is in the tank at the end, on average, at most `MOST_STRUCTURES` of it."""
+        """A table of the mean copies of structures at the end, at most `MOST_STRUCTURES` of them."""
         held = self.final()
         shown = list(held.items())[:MOST_STRUCTURES]
         rows = [(str(len(structure)), f"{copies:.4g}", str(structure)) for structure, copies in shown]

@@ -26,7 +26,7 @@ def growth_of(path: JumpPath, derivation: Derivation) -> Growth:
     if path.network.fingerprint != derivation.network.fingerprint:
         raise ValueError(f"a path is not of the network of book {derivation.book.name!r}")
     if (path.channels == RESTART).any():
-        raise ValueError("a path that was restarted shows no growth; give runs that were not")
+        raise ValueError("a path with restarts shows no growth; give runs without restarts")
     sides: tuple[Ints, Ints] = (
         np.full((len(derivation.events), 2), NOTHING),
         np.full((len(derivation.events), 2), NOTHING),

@@ -227,8 +227,8 @@ def _draws(
         still = still + 1 if time + wait == time else 0
         if still >= MOST_STILL:
             raise ValueError(
-                f"run {run}: events came so quickly that the clock stood still at {time:g}; the rate constants are "
-                "too large for the duration asked for"
+                f"run {run}: events came so fast that the clock could not advance beyond {time:g}; the rate "
+                f"constants are too large for this duration"
             )
         time += wait
         if time > end:

@@ -32,7 +32,10 @@ MAX_REMEMBERED = 200_000  # outcomes, and structures, kept for when they come ag
 
 
 class Breakers(NamedTuple):
-    """What breaks a bond. of_size : weight of a body of so many cubes; fixed : of the wall and the structure alone"""
+    """Weights of the causes of a break.
+
+    of_size : of a body of so many cubes; fixed : of the wall and of the structure alone
+    """
 
     of_size: Callable[[int], float]
     fixed: float
@@ -74,7 +77,7 @@ class BondRates(NamedTuple):
 
 
 class Joined(NamedTuple):
-    """What a pair of faces makes, and the class of that join."""
+    """The product of a pair of faces, and the class of their join."""
 
     kind: StructureKind
     rate_class: RateClass
@@ -90,7 +93,7 @@ def class_between(event: str, first: tuple[int, str], second: tuple[int, str]) -
 
 
 class Known:
-    """What has come up so far: kinds, rate constants, outcomes of joins. Runs share it without seeing each other."""
+    """A cache of kinds, rate constants and outcomes of joins, shared by all runs; it changes no run."""
 
     def __init__(self, book: RuleBook, rate: Rate, breakers: Breakers = ALONE):
         self.book, self.rate, self.breakers = book, rate, breakers
@@ -122,7 +125,7 @@ class Known:
         return found
 
     def kind(self, structure: Structure) -> StructureKind:
-        """The kind of a structure."""
+        """The kind of a structure, found once for each canonical form."""
         canonical = structure.canonical(self.book.scheme)
         found = self.kinds.get(canonical)
         if found is None:
@@ -171,7 +174,7 @@ class Known:
     def joined(
         self, a: StructureKind, i: int, face_i: int, b: StructureKind, j: int, face_j: int, twist: int
     ) -> Joined | None:
-        """What a face of a and one of b make at one of the four twists; None for nothing."""
+        """The product of a face of a and one of b at one of the four twists; None if they do not bond."""
         key = (a, i, face_i, b, j, face_j, twist)
         if key not in self.joins:
             placement = placements(a.structure, i, face_i, b.structure, j, face_j)[twist]
@@ -185,7 +188,7 @@ class Known:
         return self.joins[key]
 
     def parted(self, kind: StructureKind, i: int, j: int) -> tuple[StructureKind, StructureKind]:
-        """What is left when the bond of cubes i and j breaks; i writes first if the book sets an order."""
+        """The two parts left when the bond of cubes i and j breaks; i writes first if the book sets an order."""
         key = (kind, i, j)
         if key not in self.breaks:
             (_, first), (_, second) = self.book.break_bond(kind.structure, i, j)

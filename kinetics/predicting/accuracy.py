@@ -42,8 +42,8 @@ class AskedAccuracy:
             raise ValueError(f"accuracy = {shown}; expected a finite error above 0, as in 1% or 0.5 (copies)")
         if self.value < LEAST:
             raise ValueError(
-                f"accuracy = {shown}; expected at least {LEAST:g} ({100 * LEAST:g} %): numbers of sixteen digits "
-                f"cannot prove less"
+                f"accuracy = {shown}; expected at least {LEAST:g} ({100 * LEAST:g} %): double precision cannot "
+                f"prove less"
             )
         if is_share and self.value > 1:
             raise ValueError(f"accuracy = {shown}; expected at most 100 %" + self._hint)
@@ -67,18 +67,18 @@ class AskedAccuracy:
 
     @property
     def in_words(self) -> str:
-        """The value as people write it."""
+        """The accuracy as text with its unit."""
         return self.words(self.value)
 
     def words(self, value: float) -> str:
-        """Another value of the same unit."""
+        """Text for a value in the unit of the accuracy: percent, probability or copies."""
         if self.is_relative:
             return f"{100 * value:.3g} %"
         return f"{value:.3g}" if self.of == "distribution" else f"{value:.3g} copies"
 
     @property
     def meaning(self) -> str:
-        """What the value is an error of."""
+        """Text that says which quantity the accuracy bounds the error of."""
         if self.of == "distribution":
             return "of the probability of at most n copies, for any n"
         figure = "mean" if self.of == "mean" else "standard deviation"
@@ -95,7 +95,7 @@ class AskedAccuracy:
 
 
 class CostForecast(NamedTuple):
-    """What a method is forecast to cost: CPU time (s; None where it is not known), and remarks."""
+    """The forecast cost of a method: CPU time (s; None if not known), and a remark."""
 
     method: str
     seconds: float | None
@@ -103,7 +103,7 @@ class CostForecast(NamedTuple):
 
     @property
     def in_words(self) -> str:
-        """In a line."""
+        """Method, cost and remark on one line."""
         cost = "" if self.seconds is None else f"{self.seconds:.2g} s"
         return f"{self.method}: {', '.join(filter(None, [cost, self.remark]))}"
 
@@ -115,7 +115,7 @@ class Reached:
     asked : what was asked for
     error : bound on the error, in the unit of `asked`; inf where none is known
     is_proven : whether the bound is proven, else that of an interval by the normal distribution
-    confidence : with which the bound holds for all figures together; 1 for a solution
+    confidence : of the bound, for all figures together; 1 for a solution
     chosen : method that gave the answer
     candidates : all that were considered, with their forecast costs
     tenfold : the cheapest for a tenth of the error, and its forecast cost; None where none can reach it
@@ -139,12 +139,12 @@ class Reached:
 
     @property
     def is_reached(self) -> bool:
-        """Whether the error is as small as was asked for."""
+        """True if the error is no larger than asked for."""
         return self.error <= self.asked.value
 
     @property
     def guarantee(self) -> str:
-        """In what sense the bound holds."""
+        """Text that says in what sense the bound holds: proven, or with a confidence."""
         if self.confidence == 1.0:
             return "proven"
         sure = f"with {100 * self.confidence:g} % confidence for all figures together"
@@ -152,7 +152,7 @@ class Reached:
 
     @property
     def kind(self) -> str:
-        """The kind of bound that the error is, as of an `Answer`."""
+        """The kind of the error bound, one of those of `Answer`."""
         return PROVEN if self.confidence == 1.0 else CONFIDENCE
 
     @property
@@ -162,11 +162,11 @@ class Reached:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was asked and reached, what was weighed, and what more would cost; for the reader."""
+        """Lines for people: the accuracy asked for and reached, the candidates, the cost of a tenth of the error."""
         asked = self.asked
-        verdict = "reached" if self.is_reached else "NOT reached, got to"
+        verdict = "reached" if self.is_reached else "NOT reached; achieved"
         best = self.tenfold
-        more = "nothing here reaches it" if best is None else f"about {best.seconds:.2g} s CPU, by {best.method}"
+        more = "no method here reaches it" if best is None else f"about {best.seconds:.2g} s CPU, by {best.method}"
         return (
             f"accuracy: {asked.in_words} {asked.meaning}; {verdict} {asked.words(self.error)}, {self.guarantee}",
             *([f"rare events: {self.rare}"] if self.rare else []),

@@ -41,8 +41,8 @@ def adaptive_prediction(job: Job, asked: AskedAccuracy, budget: float = tuning.B
     digit = float(np.spacing(most))
     if asked.of != "distribution" and not asked.is_relative and asked.value < digit:
         raise ValueError(
-            f"accuracy = {asked.in_words} of counts up to {most:.3g}, which doubles hold within {digit:.3g}; "
-            f"ask for no less than that"
+            f"accuracy = {asked.in_words} of counts up to {most:.3g}, which double precision holds to {digit:.3g}; "
+            "ask for no less than that"
         )
     goal = Goal(job, asked, budget, job.bounds(largest_counts(job.model.network, job.model.initial)))
     ways = [way(goal) for way in WAYS]
@@ -64,7 +64,10 @@ def adaptive_prediction(job: Job, asked: AskedAccuracy, budget: float = tuning.B
                 return _adapted(goal, ways, way, found)
         raise
     tried = "; ".join(way.cost.in_words for way in ways)
-    advice = next(filter(None, (way.advice for way in ways)), "ask for less, for fewer species or times, or allow more")
+    advice = next(
+        filter(None, (way.advice for way in ways)),
+        "ask for less accuracy, for fewer species or times, or allow a larger budget",
+    )
     raise ValueError(
         f"an accuracy of {asked.in_words} is beyond the budget of {budget:.3g} s of CPU time: {tried}; {advice}"
     )

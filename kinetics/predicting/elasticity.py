@@ -81,8 +81,8 @@ class Elasticities(Shown):
             else "averages over the posterior, from a regression on draws of the rates"
         )
         if np.isnan(self.share).all():
-            return f"elasticities are {how}; no shares: the rates come without evidence, or vary nothing"
-        return f"elasticities are {how}; the largest share is the rate most worth more runs"
+            return f"elasticities are {how}; no shares of variance: the rates have no evidence, or change nothing"
+        return f"elasticities are {how}; more runs pay most for the rate with the largest share"
 
     @property
     def headline(self) -> str:

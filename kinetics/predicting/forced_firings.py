@@ -26,7 +26,7 @@ from kinetics.support.arrays import Floats, Ints
 from kinetics.support.tables import counted
 
 MOST_NAMED = 3  # channels, in a note
-NOT_FORCED = "not looked for: rates depend on the time, or events set counts"
+NOT_FORCED = "not searched for: rates depend on the time, or events set counts"
 
 
 class ForcedFiring(NamedTuple):
@@ -59,7 +59,7 @@ class ForcedFirings:
     left_out: int = 0
 
     def until(self, n_times: int) -> ForcedFirings:
-        """Those before the first times alone."""
+        """A copy with the forced firings before the first `n_times` times only."""
         made = tuple(
             each._replace(
                 counts=each.counts[:, : n_times - each.first], outside=each.outside[:, : n_times - each.first]
@@ -71,7 +71,7 @@ class ForcedFirings:
 
     @property
     def note(self) -> str:
-        """What they found outside the range that the first runs have shown, and what was left out; "" if neither."""
+        """A sentence on forced firings that left the range of the first runs, and on those left out; "" if none."""
         chances: dict[str, float] = {}
         found = {each.channel for each in self.made if each.outside.any()}
         for each in self.made:
@@ -85,9 +85,9 @@ class ForcedFirings:
         return "; ".join(filter(None, [made * bool(rare), left * bool(self.left_out)]))
 
     def moments(self, tally: Tally, mean: Floats, highest: int) -> Floats:
-        """What to add to the moments (highest + 1, T, V) of runs about their mean (T, V) for what they have not shown.
+        """Corrections (highest + 1, T, V) to the moments of runs about their mean (T, V), for rare firings not sampled.
 
-        Where the runs have shown as much or more outside the range, or so often that they say enough, it is 0.
+        They are 0 if the runs themselves have shown as much outside the range, or have left it often enough.
         """
         added = np.zeros((highest + 1, *mean.shape))
         acting = [each for each in self.made if each.outside.any()]

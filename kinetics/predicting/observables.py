@@ -90,5 +90,5 @@ class ObservedSampling(SamplingMethod):
         return replace(source, weights=self.observables.weights)
 
     def name_for(self, network: Network, initial: Counts) -> str:  # noqa: ARG002
-        """That of the method that makes the runs."""
+        """The name of the method that makes the runs."""
         return self.method.name_for(self.model, initial)

@@ -12,7 +12,7 @@ import numpy as np
 from kinetics.predicting.job import Job
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
-from kinetics.sampling import SamplingMethod, simulate_draws
+from kinetics.sampling import SamplingMethod, simulate_posterior
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.outlook import Outlook
 from kinetics.sampling.streamed import unbroken
@@ -41,7 +41,7 @@ class DrawMeans:
     noise: Floats
 
     def at_last(self) -> DrawMeans:
-        """The same at the last time alone."""
+        """A copy with the means at the last time only."""
         return replace(self, means=self.means[:, -1:], noise=self.noise[:, -1:])
 
     @property
@@ -139,7 +139,7 @@ def _batches(
         # Streams of their own: spawned, so that they share nothing with the runs of the same seed.
         sequence = np.random.SeedSequence(whole_number("seed", job.seed, 0), spawn_key=(1, number))
         table = posterior.draw(np.random.default_rng(sequence), min(block, n_draws - begin))
-        made = simulate_draws(
+        made = simulate_posterior(
             posterior.expected, posterior.constants(table), job.model.initial, watch.grid, RUNS_PER_DRAW, job.seed,
             method=method,
             first_run=begin * RUNS_PER_DRAW,

@@ -88,7 +88,7 @@ class Prediction(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """What the figures are, how they were found, how well they are known, and their cost."""
+        """One line: what the figures are, the method, their precision, and the CPU time."""
         explained = "mean ± sd of a run" + ("" if self.low is None else " [95 % interval of the mean, from the rates]")
         precision = f"numerical error of the probabilities below {self.error:.1g}"
         if self.runs is not None:
@@ -118,7 +118,7 @@ class Prediction(Shown, Tabular):
         return pd.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
 
     def to_xarray(self) -> xr.Dataset:
-        """The same, with dimensions time and species."""
+        """Mean, sd, standard error and interval as a dataset with dimensions time and species; needs xarray."""
         columns = {"mean": self.mean, "sd": self.sd, "standard_error": self.standard_error}
         if self.low is not None and self.high is not None:
             columns |= {"low": self.low, "high": self.high}
@@ -226,7 +226,7 @@ def predict(
     low, high = (None, None) if drawn is None else drawn.limits(mean)
     if drawn is not None and drawn.is_hidden:
         notes.append(
-            f"an interval without width is narrower than {RUNS_PER_DRAW} runs under a draw of the rates can show"
+            f"an interval of zero width is narrower than {RUNS_PER_DRAW} runs for each draw of the rates can resolve"
         )
     if isinstance(result, EnsembleStatistics):
         off = int(result.quantile_error().max())
@@ -303,28 +303,29 @@ def _adapted(job: Job, accuracy: AskedAccuracy | str | float, budget: float | No
     result, reached, is_complete = adaptive_prediction(job, accuracy_of(accuracy), allowed)
     notes = reached.notes
     if not is_complete:
-        notes = (*notes, "ended before the accuracy was reached, by Ctrl-C or by the budget")
+        notes = (*notes, "stopped by Ctrl-C or by the budget before the accuracy was reached")
     return _Found(result, reached.chosen, is_complete, notes, reached=reached)
 
 
 def _check_choice(accuracy: object, method: object, runs: object, budget: object) -> None:
     """Raise a ValueError where an accuracy is given beside what it would choose, or a budget without one."""
     if accuracy is None and budget is not None:
-        raise ValueError("a budget, but no accuracy; a budget limits what an accuracy may cost")
+        raise ValueError("a budget without an accuracy; a budget limits the cost of an accuracy")
     for name, value in (("method", method), ("runs", runs)):
         if accuracy is not None and value is not None:
             raise ValueError(
-                f"{name} = {value!r} beside an accuracy, which chooses method and runs itself: give one or the other"
+                f"{name} = {value!r} together with an accuracy, which chooses method and runs itself: give one or "
+                f"the other"
             )
 
 
 def evidence_notes(rates: Rates | BookRates | None) -> tuple[str, ...]:
     """Remarks on the interval of a prediction from `rates`, for the reader."""
     if rates is None:
-        return ("no interval: the network's own rates are taken as known",)
+        return ("no interval: rate constants are taken as exact (no uncertainty given)",)
     bare = rates.without_evidence()
     if not rates.has_evidence:
         return ("no interval: these rates come without evidence (events and exposure)",)
     if bare:
-        return (f"the interval leaves out {', '.join(bare)}: taken as known, because without evidence",)
+        return (f"the interval excludes {', '.join(bare)}: taken as exact, because without evidence",)
     return ()

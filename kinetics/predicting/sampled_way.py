@@ -14,7 +14,7 @@ from kinetics.predicting.accuracy import AskedAccuracy, CostForecast
 from kinetics.predicting.first_runs import FirstRuns, first_runs
 from kinetics.predicting.forced_firings import NOT_FORCED, ForcedFirings, force_firings
 from kinetics.predicting.job import Job
-from kinetics.predicting.stopping_rule import Look
+from kinetics.predicting.stopping_rule import InterimLook
 from kinetics.predicting.tuning import FIRST_RUNS, LEVEL
 from kinetics.predicting.ways import AccuracyWay, Attained, Goal
 from kinetics.runs.statistics import Tally, kept_pairs
@@ -50,7 +50,7 @@ class EnoughRuns(AccuracyWay):
             return
         name = f"{self.name} ({method.name})"
         self.cost = self.cost._replace(method=name)
-        job.report("following a few runs")
+        job.report("making the first few runs")
         most = min(tuning.FOLLOWING * rivals, goal.budget) / FIRST_RUNS
         source = method.source(job.model.network, job.model.initial, job.seed, job.max_events)
         watch = source.watch(job.grid)
@@ -111,7 +111,7 @@ class EnoughRuns(AccuracyWay):
         return self._ended(self.runs, self.runs.finish(max(int(self.goal.budget / self._run_seconds), FIRST_RUNS)))
 
     def interrupted(self) -> Attained | None:
-        """Those that were made."""
+        """The answer from the runs made before Ctrl-C."""
         return None if self.runs is None else self._ended(self.runs, self.runs.interrupted())
 
     def _ended(self, runs: RunsUntil, made: Attained) -> Attained:
@@ -270,13 +270,13 @@ class RunsUntil:
             self._rows = [counts[:, :n_times] for counts in self._rows]
             self.forced = None if self.forced is None else self.forced.until(n_times)
 
-    def _look(self) -> Look:
+    def _look(self) -> InterimLook:
         """How many runs are needed, and how far off these may be; not drawn where that is far from enough."""
         look = self._seen_now()
         self.error = inf if look.is_far else self.asked.value * look.share_of_tolerance()
         self.needed = look.runs_needed()
         return look
 
-    def _seen_now(self) -> Look:
+    def _seen_now(self) -> InterimLook:
         rows = np.concatenate(self._rows)
-        return Look(self.asked, self.tally, rows, self.is_known, self.job.seed, self.forced)
+        return InterimLook(self.asked, self.tally, rows, self.is_known, self.job.seed, self.forced)

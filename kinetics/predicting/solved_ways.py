@@ -75,7 +75,7 @@ class AllStates(SolvedWay):
         if is_endless(job.model.network):
             self.cost = self.cost._replace(remark="infinitely many states")
             return
-        job.report(f"listing up to {most} states")
+        job.report(f"enumerating up to {most} states")
         try:
             space = reachable(job.model.network, job.model.initial, max_states=most)
         except ValueError as refusal:
@@ -129,7 +129,7 @@ class Projection(SolvedWay):
 
     @property
     def at_most(self) -> float:
-        """What it is tried for."""
+        """The time, s, after which an attempt is given up."""
         return self._at_most
 
     def forecast(self, rivals: float) -> None:
@@ -206,7 +206,7 @@ def error_reached(asked: AskedAccuracy, found: Distribution, tops: Floats) -> fl
         figures, errors = found.mean(), (found.error + rounding) * tops
     else:
         figures = found.sd()
-        # as in `Distribution.covariance_bounds`: all of the error on the state farthest out, and it moves the mean
+        # At worst all of the error is on the state farthest out, and it moves the mean.
         off = (found.error + found.error**2 + 2 * rounding) * tops**2
         errors = np.maximum(
             np.sqrt(figures**2 + off) - figures, figures - np.sqrt(np.maximum(figures**2 - off, 0.0))

@@ -33,8 +33,8 @@ from kinetics.runs.statistics import Tally
 from kinetics.support.arrays import Floats, Ints
 
 
-class Look:
-    """What the runs so far say of their own errors.
+class InterimLook:
+    """An interim look at the runs so far: the errors of their figures, and how many runs more are needed.
 
     asked : of "mean" or "sd"
     rows : (m, T, S) counts of some of the runs

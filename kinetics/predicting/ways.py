@@ -35,7 +35,7 @@ class Goal:
 class Attained(NamedTuple):
     """An answer with the bound on its error, in the unit of the accuracy.
 
-    confidence : with which the bound holds for all figures together; 1 for a solution
+    confidence : of the bound, for all figures together; 1 for a solution
     is_complete : not interrupted, and within the budget
     rare : how rare events were allowed for
     """
@@ -49,11 +49,11 @@ class Attained(NamedTuple):
 
 
 class AccuracyWay(ABC):
-    """A way to an accuracy. One more takes a class like this, and its name in `adaptive.WAYS`.
+    """A way to reach an accuracy. To add one, write a class like this and name it in `adaptive.WAYS`.
 
     name : of the method, as results show it
-    cost : as far as it is known
-    is_settled : whether it should be attempted at once, as the other ways would take as long to forecast their cost
+    cost : forecast, as far as it is known
+    is_settled : true if it should be attempted at once, as forecasts by the other ways would cost as much
     """
 
     name: ClassVar[str]
@@ -71,7 +71,7 @@ class AccuracyWay(ABC):
 
     @property
     def at_most(self) -> float:
-        """What an attempt may cost, s, by which the ways take their turns; inf where it is not to be attempted."""
+        """The most that an attempt may cost, s; ways are tried in this order. inf if it is not to be attempted."""
         return self.seconds
 
     @property
@@ -81,7 +81,7 @@ class AccuracyWay(ABC):
 
     @property
     def advice(self) -> str:
-        """What else to ask for, where the cost is beyond the budget; "" where it is not known."""
+        """Advice on what to ask for instead if the cost exceeds the budget; "" if there is none."""
         return ""
 
     @abstractmethod
@@ -93,8 +93,8 @@ class AccuracyWay(ABC):
 
     @abstractmethod
     def attempt(self) -> Attained | None:
-        """The answer; None where it turns out that this way does not reach the accuracy, of which `cost` says why."""
+        """The answer; None if this way turns out not to reach the accuracy, and then `cost` gives the reason."""
 
     def interrupted(self) -> Attained | None:
-        """The answer as far as it has come, after Ctrl-C; None where there is none."""
+        """The partial answer after Ctrl-C; None if there is none."""
         return None

@@ -33,8 +33,8 @@ class ShapePosterior(Settings):
     def __post_init__(self) -> None:
         if len(self.points) != len(self.weights) or len({len(point) for point in self.points}) != 1:
             raise ValueError(
-                f"{len(self.points)} points and {len(self.weights)} weights; expected one weight a point, and points "
-                "of equal length"
+                f"{len(self.points)} points and {len(self.weights)} weights; expected one weight per point, and "
+                f"points of equal length"
             )
         if min(self.weights) < 0 or not np.isclose(sum(self.weights), 1, rtol=1e-6):
             raise ValueError(f"weights add up to {sum(self.weights):g}; expected probabilities, which add up to 1")
@@ -66,7 +66,7 @@ class BreakTerms(Settings):
 
     @property
     def break_model(self) -> BreakModel:
-        """The break model itself."""
+        """The break model of these terms."""
         return break_model(self.model)
 
     def check(self, network: Network) -> None:

@@ -67,7 +67,7 @@ class ClassRates(Settings):
         for written, entry in self.classes.items():
             key = plain_key(written)
             if key in found:
-                raise ValueError(f"classes: {key!r} is there twice, once written as {written!r}; keep one of them")
+                raise ValueError(f"classes: {key!r} appears twice, once as {written!r}; keep one of them")
             found[key] = entry
         force_setattr(self, "classes", found)
 
@@ -95,8 +95,8 @@ class ClassRates(Settings):
             except ValueError as error:
                 tried.append(f"{derivation.book.name}: {error}")
         raise ValueError(
-            f"the rates {name_or_path} belong to the network of a book that is not here; name that book, or give rates "
-            f"by class. Tried {'; '.join(tried) or 'none'}"
+            f"the rates {name_or_path} belong to the network of another book; name that book, or give rates by "
+            f"class. Tried {'; '.join(tried) or 'none'}"
         )
 
     def save(self, path: str | Path) -> None:
@@ -164,7 +164,7 @@ class ClassRates(Settings):
         return BookRates(self, derivation).apply(derivation.network)
 
     def base(self, derivation: Derivation) -> Network:
-        """The same with one channel a break, which has its coefficient."""
+        """The derived network with rates and one channel a break, whose rate is its coefficient."""
         if self.faces not in (None, derivation.book.scheme):
             raise ValueError(
                 f"these class rates are for faces = {self.faces!r}; book {derivation.book.name!r} has "
@@ -230,7 +230,7 @@ class BookRates(AppliedRates):
 
     @property
     def breaks(self) -> BreakTerms:  # type: ignore[override]
-        """The break model."""
+        """The break model of the rates."""
         return self.rates.breaks
 
     @property

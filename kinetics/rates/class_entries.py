@@ -51,8 +51,8 @@ class ClassRate(MeasuredRate):
         known = dict(zip(breaks.posterior.points, self.exposure_by_shape, strict=True))
         if any(tuple(point) not in known for point in points.tolist()):
             raise ValueError(
-                f"{name}: its exposure is known at the points of the shape's posterior alone; calibrate by class for "
-                "exposures to bodies by their size"
+                f"{name}: its exposure is known only at the points of the shape's posterior; calibrate by class to "
+                f"get exposures to bodies by size"
             )
         return np.array([known[tuple(point)] for point in points.tolist()])
 

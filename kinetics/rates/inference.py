@@ -23,7 +23,7 @@ class DrawnPosterior(Protocol):
 
     @property
     def rate_names(self) -> tuple[str, ...]:
-        """Those of them that are rates."""
+        """The names of the parameters that are rates."""
         ...
 
     @property
@@ -33,7 +33,7 @@ class DrawnPosterior(Protocol):
 
     @property
     def exposure(self) -> tuple[float | None, ...]:
-        """Exposure behind each rate."""
+        """The exposure behind each rate, tu."""
         ...
 
     def draw(self, rng: np.random.Generator, n: int) -> Floats:

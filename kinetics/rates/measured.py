@@ -22,11 +22,11 @@ class MeasuredRate(Settings):
 
     def __post_init__(self) -> None:
         if (self.low is None) != (self.high is None):
-            raise ValueError("low and high come together")
+            raise ValueError("low and high must be given together")
         if self.low is not None and self.high is not None and not self.low <= self.rate <= self.high:
             raise ValueError(f"expected low <= rate <= high; {self.low}, {self.rate}, {self.high} came")
         if (self.events is None) != (self.exposure is None):
-            raise ValueError("events and exposure come together")
+            raise ValueError("events and exposure must be given together")
 
     @property
     def exposures(self) -> tuple[float, ...] | None:

@@ -20,7 +20,7 @@ from kinetics.support.intervals import jeffreys_posterior, posterior_draws
 
 @dataclass(frozen=True, eq=False)
 class RatesPosterior:
-    """What is known of P parameters: the K rates behind R channels, then the shape parameters of the break model.
+    """The posterior of P parameters: the K rates behind R channels, then the shape parameters of the break model.
 
     expansion : the network in which breaks have partners
     breaks : the break model, and the posterior of its shape
@@ -136,7 +136,7 @@ class RatesPosterior:
         return self.expansion.constants(self.coefficients(rates), weights) * self.scales
 
     def factors_at(self, points: Floats) -> Floats:
-        """What rates (G, R) are multiplied with at shapes (G, K), so that as many breaks are expected at each."""
+        """Factors (G, R) on the rates at shapes (G, K) that keep the expected number of breaks at each shape."""
         factors = np.ones((len(points), len(self.known)))
         for r, (whole, at) in enumerate(zip(self.exposure, self.exposures_at(points), strict=True)):
             if at is not None and whole is not None:
@@ -182,7 +182,10 @@ class RatesPosterior:
 
 
 class AppliedRates:
-    """What rates by channel, and rates by class in one book, say of a network; the tank is that of the measurement."""
+    """Rates that apply to a network, by channel or by class; the base of both.
+
+    tank : in which the rates were measured
+    """
 
     __slots__ = ()
 
@@ -190,7 +193,7 @@ class AppliedRates:
     tank: tuple[float, float, float] | None
 
     def expansion(self, network: Network) -> Expansion:
-        """`network` with the rates as they stand, and what the break model makes of it.
+        """The network with these rates, expanded by the break model.
 
         ValueError: the rates are those of another network.
         """
@@ -215,7 +218,7 @@ class AppliedRates:
         return expansion.network.with_rates(constants * expansion.scales(self.measured_in, tank))
 
     def posterior(self, network: Network, tank: Tank | None = None) -> RatesPosterior:
-        """What the evidence leaves open of the parameters behind the constants of `apply(network, tank)`."""
+        """The posterior of the parameters behind the rate constants of `apply(network, tank)`."""
         expansion = self.expansion(network)
         known, shares = self.known(network)
         scales = expansion.scales(self.measured_in, tank)
@@ -227,7 +230,7 @@ class AppliedRates:
         return posterior.constants(posterior.draw(rng, n))
 
     def expected(self, network: Network, tank: Tank | None = None) -> Network:
-        """As `apply`, with the posterior mean of each rate constant; the point rate where there is no evidence.
+        """The network of `apply` with the posterior mean of each rate constant; the point rate if there is no evidence.
 
         A channel without events then has a rate above 0: half an event in its exposure.
         """

@@ -173,7 +173,7 @@ class Rates(Settings, AppliedRates):
 
 
 def about_priors(names: Sequence[str]) -> str:
-    """What is known of channels that no run could fire, in a sentence; nothing where there are none.
+    """A sentence on the prior of channels that no run could fire; "" if there are none.
 
     >>> from kinetics.rates import about_priors
     >>> about_priors(["2+2->4"])[:21]
@@ -182,8 +182,8 @@ def about_priors(names: Sequence[str]) -> str:
     if not names:
         return ""
     return (
-        f"Not measured: {_some(names)}. No run held the reactants: a prior from the mean rate of all joins, or of all "
-        "breaks, stands in, open from 0 to 7 times that mean."
+        f"Not measured: {_some(names)}. No run held the reactants: a prior from the mean rate of all joins, or of "
+        f"all breaks, replaces it, ranging from 0 to 7 times that mean."
     )
 
 

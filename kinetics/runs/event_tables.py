@@ -57,7 +57,7 @@ def event_tables(runs: Iterable[TableRun]) -> tuple[pd.DataFrame, pd.DataFrame]:
         if names != (run.species, run.channels):
             raise ValueError(
                 f"runs of two networks, with channels {', '.join(names[1][:4])}, … and {', '.join(run.channels[:4])}, "
-                "…; a table holds runs of one: choose those of one rule book"
+                "…; a table holds runs of one network: choose those of one rule book"
             )
         happened = np.array([*run.channels, RESTARTED], dtype=object)[np.asarray(run.fired, dtype=int)]  # RESTART = -1
         events.append(pd.DataFrame({"run": run.name, "time": run.times, "channel": happened} | dict(run.notes)))

@@ -18,6 +18,7 @@ from kinetics.runs.truncation import Truncation
 from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, integers, read_only, real_number, reals, rising_times
 from kinetics.support.datasets import dataset
+from kinetics.support.frozen import set_fields
 from kinetics.support.packages import pd
 from kinetics.support.shown import (
     MOST_TIMES,
@@ -76,11 +77,15 @@ class JumpPath(Shown, Tabular):
 
     def __post_init__(self) -> None:
         n_channels = len(self.network.channels)
-        object.__setattr__(self, "initial", self.network.state(self.initial))
-        object.__setattr__(self, "times", rising_times(self.times, strictly=False))
-        object.__setattr__(self, "channels", integers("channels", self.channels, self.times.shape, RESTART))
-        object.__setattr__(self, "end", float(reals("end", self.end, (), minimum=0)))
-        object.__setattr__(self, "resolution", float(reals("resolution", self.resolution, (), minimum=0)))
+        initial, times = self.network.state(self.initial), rising_times(self.times, strictly=False)
+        set_fields(
+            self,
+            initial=initial,
+            times=times,
+            channels=integers("channels", self.channels, times.shape, RESTART),
+            end=float(reals("end", self.end, (), minimum=0)),
+            resolution=float(reals("resolution", self.resolution, (), minimum=0)),
+        )
         if self.channels.size and self.channels.max() >= n_channels:
             raise ValueError(f"channels holds {self.channels.max()}; the network has only {n_channels}")
         if self.times.size and self.times[-1] > self.end:
@@ -89,14 +94,14 @@ class JumpPath(Shown, Tabular):
         is_open = np.array(given)
         if is_open.shape != (n_channels,) or is_open.dtype != bool:
             raise ValueError(f"open_channels must be {n_channels} truth values, one a channel")
-        object.__setattr__(self, "open_channels", read_only(is_open))
-        if self.partners is not None:
-            partners = integers("partners", self.partners, self.times.shape, BY_UNKNOWN)
+        partners = self.partners
+        if partners is not None:
+            partners = integers("partners", partners, times.shape, BY_UNKNOWN)
             if partners.size and partners.max() >= len(self.network.species):
                 raise ValueError(
                     f"partners holds {partners.max()}; the network has {len(self.network.species)} species"
                 )
-            object.__setattr__(self, "partners", partners)
+        set_fields(self, open_channels=read_only(is_open), partners=partners)
         self._check_events(is_open)
 
     @property
@@ -188,7 +193,7 @@ class JumpPath(Shown, Tabular):
         """Counts (T, S) at times (T,) between 0 and `end`; at an event's own time, those after it."""
         asked = reals("times", times, (None,), minimum=0)
         if asked.size and asked.max() > self.end:
-            raise ValueError(f"the run was observed until {self.end:g}; {asked.max():g} was asked for")
+            raise ValueError(f"the run was observed until {self.end:g}; {asked.max():g} was requested")
         rows = np.searchsorted(self.times, asked, side="right")
         if self._is_small:
             return self.states[rows]
@@ -250,15 +255,14 @@ class Ensemble(Shown, Tabular):
     truncated: Truncation | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "times", rising_times(self.times))
-        counts = np.asarray(self.counts)
-        expected = (self.times.size, len(self.network.species))
+        times, counts = rising_times(self.times), np.asarray(self.counts)
+        expected = (times.size, len(self.network.species))
         if counts.ndim != 3 or counts.shape[1:] != expected or counts.shape[0] == 0:
             raise ValueError(f"counts have shape {counts.shape}; expected (runs, {expected[0]}, {expected[1]})")
         if counts.dtype != np.int64 or counts.min(initial=0) < 0:
             raise ValueError(f"counts must be int64 and not negative; {counts.dtype} came")
         # A view, so that closing it for writing costs no copy of what may be gigabytes.
-        object.__setattr__(self, "counts", read_only(counts.view()))
+        set_fields(self, times=times, counts=read_only(counts.view()))
 
     @property
     def runs(self) -> int:

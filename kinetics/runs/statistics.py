@@ -16,15 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics import kernels
 from kinetics.native import twins
 from kinetics.network import Network
+from kinetics.runs.marginal import Marginal
 from kinetics.runs.truncation import Truncation
 from kinetics.support import plots
-from kinetics.support.arrays import Floats, Ints, integers, read_only, rising_times
+from kinetics.support.arrays import Floats, Ints, read_only, rising_times
 from kinetics.support.datasets import dataset
 from kinetics.support.intervals import binomial_limits
 from kinetics.support.memory import check_memory
 from kinetics.support.packages import pd
-from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, means_over_time, on_axes, precision_of
-from kinetics.support.tables import in_unit
+from kinetics.support.shown import ResultTable, Shown, Tabular, means_over_time, on_axes, precision_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -119,8 +119,8 @@ class EnsembleStatistics(Shown, Tabular):
         first, second = self.pairs
         if first.size < n_species * (n_species + 1) // 2:
             raise ValueError(
-                f"the network has {n_species} species; covariances are kept by themselves for up to {MOST_COVARIED}: "
-                "ask for them when the runs are made, by covariances=True"
+                f"the network has {n_species} species; covariances are kept by default for up to {MOST_COVARIED}: "
+                f"request them when the runs are made, by covariances=True"
             )
         table = np.empty((self.times.size, n_species, n_species))
         table[:, first, second] = table[:, second, first] = self._covariances(np.arange(first.size))
@@ -152,7 +152,7 @@ class EnsembleStatistics(Shown, Tabular):
         if self.shift[:, s].any():
             raise ValueError(
                 f"counts of {species!r} spread from {self.low[:, s].min()} to {self.high[:, s].max()}; they were "
-                f"gathered in bins of up to {2 ** int(self.shift[:, s].max())}: ask for `marginal_at` a time"
+                f"collected in bins of up to {2 ** int(self.shift[:, s].max())}: ask for `marginal_at` a time"
             )
         table = np.zeros((self.times.size, int(self.high[:, s].max()) + 1))
         for row, first, tally in zip(table, self.origin[:, s], self.histogram[:, s], strict=True):
@@ -181,7 +181,7 @@ class EnsembleStatistics(Shown, Tabular):
         if not np.array_equal(self.times, other.times):
             raise ValueError("these are statistics at different times; merge those of one grid")
         if self.pairs.shape != other.pairs.shape:
-            raise ValueError("covariances were asked for in only one of these; ask for them in both or in neither")
+            raise ValueError("only one of these has covariances; request them in both or in neither")
         tally = Tally(self.network, self.times, self.pairs)
         tally.add_statistics(self)
         tally.add_statistics(other)
@@ -211,54 +211,6 @@ class EnsembleStatistics(Shown, Tabular):
         """Plot the means, with bands of the middle 95 % of the runs; returns `ax`."""
         low, high = self.quantile(0.025), self.quantile(0.975)
         return plots.bands(ax, self.times, self.mean(), low, high, self.network.species, self.network.time_unit)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Marginal(Shown):
-    """Counts of one species at one time, in K bins.
-
-    time : in `time_unit`
-    first, width : (K,) smallest count of each bin, and how many counts it holds
-    share, low, high : (K,) of the runs, and the interval of the probability; each holds at `level` by itself
-    """
-
-    species: str
-    time: float
-    first: Ints
-    width: int
-    share: Floats
-    low: Floats
-    high: Floats
-    level: float
-    time_unit: str = ""
-    place: int = 0
-
-    @property
-    def headline(self) -> str:
-        """What it is of."""
-        return f"copies of {self.species} at {in_unit(f'{self.time:g}', self.time_unit)} in {self.share.size} bins"
-
-    def summary(self) -> ResultTable:
-        """The likeliest bins with their intervals, in order."""
-        shown = np.sort(np.argsort(-self.share, kind="stable")[:MOST_TIMES])
-        bins = [f"{n}" if self.width == 1 else f"{n} to {n + self.width - 1}" for n in self.first[shown].tolist()]
-        rows = [
-            (name, f"{self.share[b]:.4g}", f"[{self.low[b]:.4g}, {self.high[b]:.4g}]")
-            for name, b in zip(bins, shown, strict=True)
-        ]
-        return ResultTable(self.headline, ("copies", "share of runs", f"{100 * self.level:g} % interval"), rows)
-
-    @on_axes
-    def plot(self, ax: Any) -> Any:
-        """Shares with their intervals; returns `ax`."""
-        middle = self.first + (self.width - 1) / 2
-        spread = [np.maximum(self.share - self.low, 0.0), np.maximum(self.high - self.share, 0.0)]
-        ax.errorbar(
-            middle, self.share, spread, fmt="o", ms=3, capsize=2, color=plots.colour(self.place), label=self.species
-        )
-        ax.set_xlabel(f"copies of {self.species} at {in_unit(f'{self.time:g}', self.time_unit)}")
-        ax.set_ylabel(f"share of runs ({100 * self.level:g} % intervals)" if self.width == 1 else "share of runs a bin")
-        return ax
 
 
 class Tally:
@@ -399,11 +351,3 @@ def kept_pairs(n_species: int, covariances: bool | None = None) -> NDArray[np.in
     if n_species <= MOST_COVARIED if covariances is None else covariances:
         return np.array(np.triu_indices(n_species))
     return np.tile(np.arange(n_species), (2, 1))
-
-
-def statistics_of(network: Network, times: ArrayLike, counts: ArrayLike) -> EnsembleStatistics:
-    """Statistics of counts (runs, T, S) at `times` (T,), tu, from anywhere: the mechanics, say."""
-    tally = Tally(network, times, kept_pairs(len(network.species)))
-    given = integers("counts", counts, (None, tally.times.size, len(network.species)), minimum=0)
-    tally.add(given)
-    return tally.statistics(len(given))

@@ -10,8 +10,8 @@ from kinetics.support.tables import in_unit
 REASONS = {
     "events": "it made {events:.3g} events, as many as max_events allows",
     "forecast": "its rate equations forecast over {events:.0e} events until {end:g}, and max_events allows {most:.3g}",
-    "stalled": "events came so quickly that the clock stood still",
-    "overflow": "a count went beyond 2**63 - 1, or a propensity beyond 1e308",
+    "stalled": "events came so fast that the clock could not advance",
+    "overflow": "a count exceeded 2**63 - 1, or a propensity exceeded 1e308",
 }
 
 

@@ -3,7 +3,7 @@
 from kinetics.sampling.auto import Auto
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.direct import Direct
-from kinetics.sampling.draws import exposures_of_draws, first_times_of_draws, simulate_draws
+from kinetics.sampling.draws import exposures_of_draws, first_times_of_draws, simulate_posterior
 from kinetics.sampling.exact_methods import EXACT_METHODS
 from kinetics.sampling.general import General
 from kinetics.sampling.leaping import Leaping
@@ -28,6 +28,6 @@ __all__ = [
     "first_times_of_draws",
     "sample_path",
     "simulate",
-    "simulate_draws",
+    "simulate_posterior",
     "simulate_statistics",
 ]

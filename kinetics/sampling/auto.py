@@ -58,11 +58,11 @@ class Auto(SamplingMethod):
         refusals = [method.refusal(network, size) for method in methods]
         candidates = [method for method, refusal in zip(methods, refusals, strict=True) if not refusal]
         if not candidates:
-            raise ValueError(f"no exact method takes this network: {'; '.join(refusals)}")
+            raise ValueError(f"no exact method supports this network: {'; '.join(refusals)}")
         return min(candidates, key=lambda method: method.cost(size))
 
     def name_for(self, network: Network, initial: Counts) -> str:
-        """Its name, and that of the chosen method."""
+        """The name `auto` with the name of the method chosen for this network and these counts."""
         return f"{self.name} ({self.choose(network, initial).name})"
 
     def stopping(self, network: Network) -> SamplingMethod:
@@ -76,7 +76,7 @@ class Auto(SamplingMethod):
         )
 
     def sampler_of_rates(self, network: Network) -> Callable[[Floats], Sampler]:
-        """That of the method chosen without counts, for all rate constants; where counts are large, these matter."""
+        """A function from rate constants (R,) to a sampler; its method is chosen once, but for large counts."""
         of_rates = self.choose(network.with_rates(np.ones(len(network.channels)))).sampler_of_rates(network)
 
         def chosen(constants: Floats, initial: Ints) -> Sampler:
@@ -89,7 +89,7 @@ class Auto(SamplingMethod):
 class ChoosingSampler:
     """Runs of the method that is chosen by their initial counts, which come with the runs.
 
-    usual : that of counts among which no leap pays; of_large gives that of others
+    usual : the sampler of counts too small for leaps to pay; of_large(initial) gives the sampler of larger counts
     """
 
     def __init__(self, usual: Sampler, of_large: Callable[[Ints], Sampler]):

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from itertools import count
 from math import inf
-from typing import ClassVar, overload
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,8 +28,9 @@ class SamplingMethod(ABC):
 
     To add one:
     1. Write its class in a file of its own, with a `name` for the command line and for tables.
-    2. Say what it takes, by the traits below; the base refuses what it does not. What no trait says, `refusal` says.
-    3. Give `prepared`: a `Sampler` of a network, by a kernel (see `StepwiseSampler`) or in plain Python.
+    2. Declare which networks it can sample by the traits below; the base refuses others. For other limits, override
+       `refusal`.
+    3. Give `prepared`: a `Sampler` of a network, by a kernel (see `BufferedSampler`) or in plain Python.
     4. Give `cost` and `start_cost` if `auto` may choose it.
     5. Import it in `kinetics.sampling.exact_methods`. Command line, `auto`, hard cases and contract tests read the
        tuple made there.
@@ -61,9 +62,9 @@ class SamplingMethod(ABC):
         return inf
 
     def refusal(self, network: Network, size: NetworkSize | None = None) -> str:
-        """Why the method does not take the network; empty where it does. `takes`, `auto` and `sampler` agree on it.
+        """Why the method cannot sample the network; empty if it can. `takes`, `auto` and `sampler` all ask this.
 
-        A method with a limit that is no trait gives its own, which asks this one first.
+        A method with a limit that no trait expresses overrides it, and asks this one first.
         """
         odd = [] if self.takes_rate_laws else [f"a rate law for channel {name!r}" for name in network.laws]
         odd += [] if self.takes_events else [f"event {event.name!r}" for event in network.events]
@@ -95,15 +96,15 @@ class SamplingMethod(ABC):
         return refusal
 
     def name_for(self, network: Network, initial: Counts) -> str:  # noqa: ARG002
-        """The name that runs of this network from these counts bear; one that chooses also says what it chose."""
+        """The method's name in results from this network and these counts; `auto` adds the method that it chose."""
         return self.name
 
     def takes(self, network: Network) -> bool:
-        """Whether the method takes the network, see `refusal`."""
+        """True if the method can sample the network; `refusal` gives the reason if not."""
         return not self.refusal(network)
 
     def sampler(self, network: Network) -> Sampler:
-        """The network made ready; a ValueError where the method does not take it."""
+        """A sampler of the network; a ValueError if the method cannot sample it."""
         refusal = self.refusal(network)
         if refusal:
             raise ValueError(refusal)
@@ -117,9 +118,11 @@ class SamplingMethod(ABC):
         return lambda constants: self.sampler(network.with_rates(constants))
 
     def stopping(self, network: Network) -> SamplingMethod:  # noqa: ARG002
-        """The method of runs that end at a condition: this one, or that which it chooses; a ValueError for none."""
+        """The method for runs that end at a condition: itself, or the one it chooses; a ValueError if there is none."""
         if not self.takes_until:
-            raise ValueError(f"the method {self.name!r} takes no condition at which runs end (until): use 'auto'")
+            raise ValueError(
+                f"the method {self.name!r} does not support a condition that ends runs (until): use 'auto'"
+            )
         return self
 
     def source(
@@ -130,7 +133,7 @@ class SamplingMethod(ABC):
         max_events: int = MAX_EVENTS,
         until: str | Condition | None = None,
     ) -> RunSource:
-        """The runs from `initial` under a seed, of which `simulate` gives some; a ValueError as there."""
+        """The source of the runs from `initial` under a seed, by run number; a ValueError as for `simulate`."""
         start = network.state(initial)
         stop, is_there = (None, False) if until is None else stop_at(until, network, start)
         return RunSource(
@@ -143,7 +146,6 @@ class SamplingMethod(ABC):
             ends_at_once=is_there,
         )
 
-    @overload
     def simulate(
         self,
         network: Network,
@@ -154,51 +156,16 @@ class SamplingMethod(ABC):
         threads: int | None = None,
         first_run: int = 0,
         max_events: int = MAX_EVENTS,
-    ) -> Ensemble: ...
-
-    @overload
-    def simulate(
-        self,
-        network: Network,
-        initial: Counts,
-        times: ArrayLike,
-        runs: int = 1000,
-        seed: int = 0,
-        threads: int | None = None,
-        first_run: int = 0,
-        max_events: int = MAX_EVENTS,
-        *,
-        until: str | Condition,
-    ) -> FirstTimes: ...
-
-    def simulate(
-        self,
-        network: Network,
-        initial: Counts,
-        times: ArrayLike,
-        runs: int = 1000,
-        seed: int = 0,
-        threads: int | None = None,
-        first_run: int = 0,
-        max_events: int = MAX_EVENTS,
-        *,
-        until: str | Condition | None = None,
-    ) -> Ensemble | FirstTimes:
+    ) -> Ensemble:
         """Counts of `runs` independent runs at `times` (T,), tu.
 
         threads : at most this many; by default one a processor core
         first_run : number of the first run; with one seed, runs of different numbers are independent
         max_events : the most events of a run; one that would come to more is truncated, and the ensemble ends at the
             last time before that, see `Ensemble.truncated`
-        until : a condition on counts at which runs end, as "AB >= 8 & !(A == 0)"; a `Condition` where it names
-            observables. The result is then when it first held, and `times` is the last time until which runs are
-            followed: inf for as long as anything can happen
-        The same seed gives the same runs for any number of threads and any grid of times, and until a condition holds.
+        The same seed gives the same runs for any number of threads and any grid of times.
         """
         check_numbers(runs, threads, first_run)
-        if until is not None:
-            numbers = runs, seed, threads, first_run, max_events
-            return self._first_times(network, initial, until, _horizon(times), numbers)
         grid = some_times(times)
         source = self.source(network, initial, seed, max_events)
         watch = source.watch(grid, first_run)
@@ -206,15 +173,25 @@ class SamplingMethod(ABC):
         name = self.name_for(network, initial)
         return Ensemble(network, grid[: counts.shape[1]], counts, name, watch.truncation(runs))
 
-    def _first_times(
+    def first_times(
         self,
         network: Network,
         initial: Counts,
         until: str | Condition,
-        end: float,
-        numbers: tuple[int, int, int | None, int, int],
+        times: ArrayLike = inf,
+        runs: int = 1000,
+        seed: int = 0,
+        threads: int | None = None,
+        first_run: int = 0,
+        max_events: int = MAX_EVENTS,
     ) -> FirstTimes:
-        runs, seed, threads, first_run, max_events = numbers
+        """When a condition on counts first holds in `runs` independent runs, those of `simulate` under the same seed.
+
+        until : the condition, at which runs end, as "AB >= 8 & !(A == 0)"; a `Condition` where it names observables
+        times : the last of these is when a run ends at the latest, tu; inf for as long as anything can happen
+        """
+        check_numbers(runs, threads, first_run)
+        end = _horizon(times)
         source, method = self.source(network, initial, seed, max_events, until), self.stopping(network)
         text = until if isinstance(until, str) else until.text
         name = self.name if method is self else f"{self.name} ({method.name})"
@@ -224,8 +201,8 @@ class SamplingMethod(ABC):
         observed = np.minimum(watch.reached, end)
         for run, stop in watch.stops.items():
             observed[run - first_run], counts[run - first_run] = stop.time, stop.counts
-        times = np.where(watch.reached < inf, watch.reached, np.nan)
-        return FirstTimes(network, text, times, observed, counts, end, name, watch.truncation(runs))
+        reached = np.where(watch.reached < inf, watch.reached, np.nan)
+        return FirstTimes(network, text, reached, observed, counts, end, name, watch.truncation(runs))
 
     def sample_path(
         self,

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinetics.network import Network
 from kinetics.sampling.leap_length import events_of_leap
-from kinetics.sampling.merging import leaders
+from kinetics.sampling.merging import representatives
 from kinetics.support.arrays import Ints
 
 
@@ -39,7 +39,7 @@ class NetworkSize:
         readers = np.bincount(needed.columns, minlength=n_species)
         order = int(cls.orders(network).max(initial=0))
         updated = readers[change.columns].sum() / max(1, n_channels)
-        n_merged = int((leaders(network) == np.arange(n_channels)).sum())
+        n_merged = int((representatives(network) == np.arange(n_channels)).sum())
         leap_events = 0.0 if initial is None else events_of_leap(network, initial)
         return cls(n_channels, n_species, order, updated, n_merged, leap_events)
 

@@ -7,12 +7,12 @@ import numpy as np
 from kinetics import kernels
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
+from kinetics.sampling.buffered import BufferedSampler
 from kinetics.sampling.mass_action import mass_action
-from kinetics.sampling.stepwise import StepwiseSampler
 from kinetics.support.arrays import Ints
 
 
-def updating_sampler(network: Network) -> StepwiseSampler:
+def updating_sampler(network: Network) -> BufferedSampler:
     """The network with its dependency graph, ready for `kernels.grouped`."""
     model = model_of(network)
     n_channels = len(network.channels)
@@ -26,11 +26,11 @@ def updating_sampler(network: Network) -> StepwiseSampler:
     def advance(work: kernels.grouped.GroupedWork, *rest: object) -> int:
         return kernels.grouped.advance(model, work, *rest)
 
-    return StepwiseSampler(begin, advance, np.arange(n_channels))
+    return BufferedSampler(begin, advance, np.arange(n_channels))
 
 
 def model_of(network: Network) -> kernels.grouped.GroupedModel:
-    """What the kernel reads."""
+    """The tables of a network that `kernels.grouped` reads."""
     laws = mass_action(network)
     needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels, n_species = needed.shape

@@ -55,7 +55,7 @@ class Direct(SamplingMethod):
         return updating_sampler(network)
 
     def sampler_of_rates(self, network: Network) -> Callable[[Floats], Sampler]:
-        """Where every event computes all propensities, only their coefficients change."""
+        """A function from rate constants (R,) to a sampler; microseconds a call in small networks."""
         size = NetworkSize.of(network)
         if recomputing_cost(size) > updating_cost(size):
             return super().sampler_of_rates(network)
@@ -64,17 +64,17 @@ class Direct(SamplingMethod):
         return RecomputingSampler(with_units).with_constants
 
     def cost(self, size: NetworkSize) -> float:
-        """Processor time of an event, ns."""
+        """Processor time of an event, ns, by the cheaper way to keep propensities current."""
         return min(recomputing_cost(size), updating_cost(size))
 
 
 def recomputing_cost(size: NetworkSize) -> float:
-    """Of an event that computes all propensities anew, ns."""
+    """Processor time, ns, of an event that computes all propensities anew."""
     return 25.0 + 2.1 * size.n_merged + 0.6 * (size.n_channels - size.n_merged)
 
 
 def updating_cost(size: NetworkSize) -> float:
-    """Of an event that updates those that it changed, ns."""
+    """Processor time, ns, of an event that updates only the propensities that it changed."""
     return 48.0 + size.update_cost + 0.13 * size.n_channels
 
 
@@ -85,10 +85,10 @@ class RecomputingSampler:
         self.merging = Merging.of(network)
         self.constants: Floats | None = None
         self.model = self.merging.model()
-        self.changes = network.stoichiometry[self.merging.leaders]
+        self.changes = network.stoichiometry[self.merging.representatives]
 
     def with_constants(self, constants: Floats) -> RecomputingSampler:
-        """The same for other rate constants (R,), where those of this one are 1."""
+        """A copy with rate constants (R,), 1/tu, in place of constants of 1."""
         other = copy(self)
         other.constants = constants
         other.model = self.merging.model(constants)
@@ -99,13 +99,8 @@ class RecomputingSampler:
     ) -> None:
         """Fill `out` (runs, T, S) as far as the watch needs it."""
         work = ensemble_work(initial.size)
-        stopping = watch.stop_of(first_run, len(out), self.merging.leaders)
-
-        def go_on(limits: Ints, most: int) -> int:
-            return twins.direct(
-                self.model, self.changes, work, initial, grid, key, first_run, limits, out, most, *stopping
-            )
-
+        stopping = watch.stop_of(first_run, len(out), self.merging.representatives)
+        go_on = twins.direct(self.model, self.changes, work, initial, grid, key, first_run, out, stopping)
         in_turn(watch, first_run, work.notes, work.clock, work.counts[:-1], go_on)
 
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
@@ -115,7 +110,7 @@ class RecomputingSampler:
         kernels.members.start_naming(key, run, naming)
         counts, state, clock = np.append(initial, 1), np.append(initial, 1), np.zeros(3)
         named = self.merging.named(self.constants)
-        stop, reached = watch.stop_of(run, 1, self.merging.leaders)
+        stop, reached = watch.stop_of(run, 1, self.merging.representatives)
         pieces = []
         made, look = 0, watch.first_look
         while True:
@@ -124,7 +119,7 @@ class RecomputingSampler:
             outcome, n_events = twins.events(
                 self.model, self.changes, counts, clock, end, stream, times, channels, stop
             )
-            kernels.members.name_events(named, self.changes, state, channels[:n_events], naming)
+            kernels.members.attribute_channels(named, self.changes, state, channels[:n_events], naming)
             pieces.append((times[:n_events], channels[:n_events]))
             made += n_events
             watch.hear()

@@ -30,7 +30,7 @@ PIECE_BYTES = 2**26  # of all counts of a draw that are there at a time, where o
 BATCH = 16  # draws a thread at a time
 
 
-def simulate_draws(
+def simulate_posterior(
     network: Network,
     constants: ArrayLike,
     initial: Counts,
@@ -44,19 +44,19 @@ def simulate_draws(
     weights: ArrayLike | None = None,
     watch: Watch | None = None,
 ) -> Iterator[Ints]:
-    """Counts (runs, T, S) at `times` (T,), tu, under each of `constants` (D, R), 1/tu, draw after draw.
+    """Yield the counts (runs, T, S) at `times` (T,), tu, of runs under each draw of rate constants (D, R), 1/tu.
 
-    method : how the runs are made; Auto() by default
-    weights : (S, V) whole weights, for the sums of counts (runs, T, V) instead
-    watch : for runs some of which may be truncated, after which there are fewer times; else that is a ValueError
+    method : sampling method; Auto() by default
+    weights : (S, V) whole weights, to get sums of counts (runs, T, V) instead
+    watch : lets runs be truncated, which leaves fewer times; without it, a truncated run is a ValueError
 
-    Only one draw a thread, and a few more, is in memory at a time. The same seed gives the same runs for any number of
-    threads. Beyond its runs a draw costs some 20 us where the method is the direct one or in lockstep.
+    Memory holds a few draws a thread at a time. The same seed gives the same runs for any number of threads. Cost:
+    some 20 us a draw beyond its runs, by the direct method or in lockstep.
 
     >>> from kinetics import Network
-    >>> from kinetics.sampling import simulate_draws
+    >>> from kinetics.sampling import simulate_posterior
     >>> decay = Network.from_text("A -> 0, 1")
-    >>> counts = list(simulate_draws(decay, [[0.0], [100.0]], {"A": 3}, [1.0], runs=2, seed=1))
+    >>> counts = list(simulate_posterior(decay, [[0.0], [100.0]], {"A": 3}, [1.0], runs=2, seed=1))
     >>> [each[:, 0, 0].tolist() for each in counts]
     [[3, 3], [0, 0]]
     """
@@ -113,10 +113,10 @@ def first_times_of_draws(
     method: SamplingMethod | None = None,
     first_run: int = 0,
 ) -> Iterator[Floats]:
-    """When a condition first holds in each run (runs,), tu, under each of `constants` (D, R), 1/tu.
+    """Yield the time (runs,), tu, at which a condition first holds in each run, for each of `constants` (D, R), 1/tu.
 
-    The times of runs in which it does not hold by `end` are inf. The runs are those of `simulate_draws`, and end there;
-    a ValueError where the condition holds at the start.
+    A run in which the condition does not hold by `end` has the time inf. The runs equal those of `simulate_posterior`
+    up to that time, at which they stop. A condition that holds at the start is a ValueError.
 
     >>> from kinetics import Network
     >>> from kinetics.sampling import first_times_of_draws
@@ -133,7 +133,7 @@ def first_times_of_draws(
     made = (method or Auto()).stopping(network)
     outlook = Outlook(network.with_rates(table[0]))
     watch = Watch(grid, outlook, first_run=first_run, until=stop, runs=runs * len(table))
-    counts = simulate_draws(network, table, start, grid, runs, seed, method=made, first_run=first_run, watch=watch)
+    counts = simulate_posterior(network, table, start, grid, runs, seed, method=made, first_run=first_run, watch=watch)
     for d, _ in enumerate(counts):
         watch.check()
         yield watch.reached[d * runs : (d + 1) * runs]
@@ -149,12 +149,12 @@ def exposures_of_draws(
     *,
     first_run: int = 0,
 ) -> Iterator[tuple[Ints, Floats]]:
-    """Events and exposures (runs, R) of every channel until `end`, tu, under each of `constants` (D, R), 1/tu.
+    """Yield events and exposures (runs, R) of every channel until `end`, tu, under each of `constants` (D, R), 1/tu.
 
-    The runs are those of `simulate_draws` by `Direct` where that computes all propensities at every event, as it does
-    in small networks; else they are others of the same distribution. An exposure is the integral of ways *
-    combinations, tu. Mass action only; an event costs some 30 ns plus 3 ns a channel, a draw some 15 us, more
-    where channels are merged.
+    An exposure is the integral over time of multiplicity * combinations of reactants, tu. In small networks, where
+    `Direct` computes all propensities at every event, the runs equal those of `simulate_posterior` by `Direct`; in
+    larger ones they are other runs of the same distribution. The network must be of mass action, else a ValueError.
+    Cost: some 30 ns an event plus 3 ns a channel, and some 15 us a draw, more if channels are merged.
 
     >>> from kinetics import Network
     >>> from kinetics.sampling import exposures_of_draws

@@ -14,7 +14,7 @@ from kinetics.network import Network
 from kinetics.network.laws.graph import Code
 from kinetics.network.laws.program import Step, depth, steps_of
 from kinetics.network.propensity import over_factorial, state_text
-from kinetics.sampling.stepwise import StepwiseSampler
+from kinetics.sampling.buffered import BufferedSampler
 from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.packages import sparse
@@ -22,7 +22,7 @@ from kinetics.support.packages import sparse
 MOST_WAITING = 1000  # delayed events of one run at a time
 
 
-class GeneralSampler(StepwiseSampler):
+class GeneralSampler(BufferedSampler):
     """Runs of `kernels.general`; what goes wrong is reported with channel or event, counts and time."""
 
     def __init__(self, network: Network) -> None:
@@ -37,8 +37,8 @@ class GeneralSampler(StepwiseSampler):
         """Times and channels of all events until `end`."""
         if self.events:
             raise ValueError(
-                f"a path records firings of channels, and nothing that sets counts; event {self.events[0].name!r} "
-                f"does: ask for counts at times with simulate(...)"
+                f"a path records firings of channels only, but event {self.events[0].name!r} sets counts: ask for "
+                f"counts at times with simulate(...)"
             )
         return super().path(initial, end, key, run, watch)
 
@@ -77,7 +77,7 @@ class GeneralSampler(StepwiseSampler):
             name = self.network.species[self.model.assigned[about]]
             raise ValueError(
                 f"event {event.name!r} sets {name!r} to {event.new_counts[name]} = {work.held[about]:g} {where}; "
-                f"expected a whole number from 0 to 2**53: write floor(...) or max(0, ...) where that is meant"
+                f"expected a whole number from 0 to 2**53: write floor(...) or max(0, ...) if that is meant"
             )
         if outcome in (outcomes.BAD_DELAY, outcomes.CROWDED):
             event = self.events[about]
@@ -90,9 +90,9 @@ class GeneralSampler(StepwiseSampler):
         if outcome in (outcomes.UNDECIDED, outcomes.ENDLESS):
             event = self.events[about]
             why = (
-                "cannot be determined: it touches its limit, or turns too often"
+                "cannot be determined: it touches its threshold, or oscillates too fast"
                 if outcome == outcomes.UNDECIDED
-                else "has no end: events of this moment set each other off"
+                else "has no end: simultaneous events trigger each other"
             )
             raise ValueError(f"event {event.name!r}: when {event.condition} turns true {why}, {where}")
         if outcome == outcomes.BROKEN_BOUND:

@@ -75,7 +75,7 @@ class Leaping(SamplingMethod):
 
 
 def leap_cost(size: NetworkSize) -> float:
-    """Of a leap, ns."""
+    """Processor time of a leap, ns."""
     return 2000.0 + 250.0 * size.n_channels
 
 
@@ -92,7 +92,7 @@ class LeapingSampler:
             OPEN_EVENTS,
             MARGIN * leap_cost(size) / recomputing_cost(size) if fewest is None else float(fewest),
             merging.model(),
-            network.stoichiometry[merging.leaders],
+            network.stoichiometry[merging.representatives],
             merging.named(),
         )
 
@@ -139,7 +139,7 @@ class LeapingSampler:
 
 
 class _Leaps:
-    """Whether rate equations say what a run will cost: if its events are drawn singly; None within a leap."""
+    """True if rate equations can forecast the cost of the run, as its events are drawn singly; None within a leap."""
 
     def __init__(self, work: kernels.leap_plan.LeapWork, watch: Watch) -> None:
         self.work, self.watch = work, watch

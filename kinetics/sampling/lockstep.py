@@ -77,11 +77,11 @@ class LockstepSampler:
         else:
             self.merging = Merging.of(network, np.arange(len(network.channels)))
         self.model = self.merging.model()
-        self.changes = network.stoichiometry[self.merging.leaders]
+        self.changes = network.stoichiometry[self.merging.representatives]
         self.path = self.one_by_one.path
 
     def with_constants(self, constants: Floats, one_by_one: Sampler) -> LockstepSampler:
-        """The same for other rate constants (R,), where those of this one are 1."""
+        """A copy with rate constants (R,), 1/tu, in place of constants of 1."""
         other = copy(self)
         other.one_by_one, other.path = one_by_one, one_by_one.path
         other.model = self.merging.model(constants)
@@ -97,16 +97,14 @@ class LockstepSampler:
             self.one_by_one.ensemble(initial, grid, key, first_run, out, watch)
             return
         lanes, is_odd = Lanes(self.model, self.changes), np.zeros(len(out), dtype=bool)
-        here, stopping = lanes.arrays, watch.stop_of(first_run, len(out), self.merging.leaders)
+        here, stopping = lanes.arrays, watch.stop_of(first_run, len(out), self.merging.representatives)
+        go_on = twins.lockstep(self.model, self.changes, lanes, initial, grid, key, first_run, out, is_odd, stopping)
         n_active, first_look = 1, watch.first_look
         while n_active:
             until = here["looks"][: here["notes"][0]].min(initial=here["notes"][2] + first_look)
             most = min(max(1, watch.most_events // min(LANES, len(out))), int(until - here["notes"][2]))
             began = perf_counter()
-            twins.lockstep(
-                self.model, self.changes, lanes, initial, grid, key, first_run, watch.limits(first_run), out, is_odd,
-                most, *stopping,
-            )  # fmt: skip
+            go_on(watch.limits(first_run), most)
             n_active = int(here["notes"][0])
             unfinished = here["run"][:n_active].min(initial=len(out))
             watch.complete[first_run] = int(np.flatnonzero(is_odd).min(initial=unfinished))

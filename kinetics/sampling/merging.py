@@ -27,7 +27,7 @@ WIDEST = 1e6  # ratio of weights up to which w_X is taken off a sum: at most so 
 class MergedChannels(NamedTuple):
     """Propensities of G channels among S species, made from the R of a network, and what the kernels read of them.
 
-    coefficients, first, second (G,), less (G,), is_general (G,), factors (G, K, 3) : as of `mass_action.MassAction`; a
+    coefficients, first, second (G,), less (G,), is_general (G,), factors (G, K, 3) : as in `mass_action.MassAction`; a
         second of S + 1 + f stands for sum f
     terms (M, 4) : of the sums, one after another: a weight, the species s and what is taken from its copies, for
         weight * (x[s] - taken); and S + 1 + f in the last term of sum f, else 0
@@ -42,7 +42,7 @@ class MergedChannels(NamedTuple):
     terms: np.ndarray
 
 
-def leaders(network: Network) -> Ints:
+def representatives(network: Network) -> Ints:
     """(R,) the first of the channels that each channel can be merged with; itself where there is none before.
 
     They change the counts alike, and are of mass action in at most two reactants, one of them a species that is used
@@ -50,18 +50,18 @@ def leaders(network: Network) -> Ints:
     """
     if len(network.channels) > MOST_CHANNELS:
         return np.arange(len(network.channels))
-    if network not in _LEADERS:
-        _LEADERS[network] = read_only(_found_leaders(network))
-    return _LEADERS[network]
+    if network not in _REPRESENTATIVES:
+        _REPRESENTATIVES[network] = read_only(_found_representatives(network))
+    return _REPRESENTATIVES[network]
 
 
-_LEADERS: WeakKeyDictionary[Network, Ints] = WeakKeyDictionary()
+_REPRESENTATIVES: WeakKeyDictionary[Network, Ints] = WeakKeyDictionary()
 
 
-def _found_leaders(network: Network) -> Ints:
+def _found_representatives(network: Network) -> Ints:
     needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels = len(network.channels)
-    leader = np.arange(n_channels)
+    representative = np.arange(n_channels)
     can = (np.bincount(needed.rows, needed.copies, n_channels) <= 2) & (_used_up(network) >= 0)
     can &= np.array([name not in network.laws for name in network.channels], dtype=bool)
     if network.combinations == "product":
@@ -69,8 +69,8 @@ def _found_leaders(network: Network) -> Ints:
     seen: dict[tuple[bytes, bytes], int] = {}
     for r in np.flatnonzero(can).tolist():
         columns, copies = change.row(r)
-        leader[r] = seen.setdefault((columns.tobytes(), copies.tobytes()), r)
-    return leader
+        representative[r] = seen.setdefault((columns.tobytes(), copies.tobytes()), r)
+    return representative
 
 
 def _used_up(network: Network) -> Ints:
@@ -98,21 +98,21 @@ class Merging:
     n_species: int
 
     @classmethod
-    def of(cls, network: Network, leader: Ints | None = None) -> Merging:
-        """Channels merged with their `leader` (R,), by default wherever it can be."""
-        leader = leaders(network) if leader is None else leader
-        members = np.argsort(leader, kind="stable")
-        spans = np.append(np.flatnonzero(np.diff(leader[members], prepend=-1)), members.size)
+    def of(cls, network: Network, representative: Ints | None = None) -> Merging:
+        """Channels merged with their `representative` (R,), by default wherever it can be."""
+        representative = representatives(network) if representative is None else representative
+        members = np.argsort(representative, kind="stable")
+        spans = np.append(np.flatnonzero(np.diff(representative[members], prepend=-1)), members.size)
         laws = MassAction(*(part[members] for part in mass_action(network)))
         return cls(laws, _used_up(network)[members], members, spans, len(network.species))
 
     @property
-    def leaders(self) -> Ints:
+    def representatives(self) -> Ints:
         """(G,) the first of the network's channels that each channel stands for."""
         return self.members[self.spans[:-1]]
 
     def model(self, constants: Floats | None = None) -> MergedChannels:
-        """What the kernels read; `constants` (R,) replace rate constants of 1."""
+        """The tables that the kernels read; `constants` (R,) replace rate constants of 1."""
         laws, starts = self.laws, self.spans[:-1]
         shares = self._coefficients(constants)
         coefficients, first, second = shares[starts], laws.first[starts], laws.second[starts]
@@ -145,7 +145,7 @@ class Merging:
         )
 
     def named(self, constants: Floats | None = None) -> kernels.members.Members:
-        """What the kernels read to tell the network's channel; `constants` as of `model`."""
+        """The tables by which kernels attribute an event to a channel of the network; `constants` as for `model`."""
         return kernels.members.Members(
             self.spans, self.members, self._coefficients(constants), self._partners, self.laws.less
         )

@@ -89,12 +89,10 @@ def simulate(
     given, made = Model.of(model, initial), sampling_method(method)
     if until is not None:
         condition = Condition(until, given)
-        return made.simulate(
-            given.network, given.initial, times, runs, seed, threads, max_events=max_events, until=condition
+        return made.first_times(
+            given.network, given.initial, condition, times, runs, seed, threads, max_events=max_events
         )
-    return made.simulate(
-        given.network, given.initial, times, runs=runs, seed=seed, threads=threads, max_events=max_events
-    )
+    return made.simulate(given.network, given.initial, times, runs, seed, threads, max_events=max_events)
 
 
 def sample_path(
@@ -132,7 +130,7 @@ def path_method(network: Network) -> SamplingMethod:
         if not refusal:
             return method
         refusals.append(refusal)
-    raise ValueError(f"no exact method takes this network: {'; '.join(dict.fromkeys(refusals))}")
+    raise ValueError(f"no exact method supports this network: {'; '.join(dict.fromkeys(refusals))}")
 
 
 def sampling_method(method: SamplingMethod | str) -> SamplingMethod:

@@ -17,7 +17,7 @@ ACCURACY = 1e-3
 
 
 class Outlook:
-    """The propensities of a network at real counts, and what they come to."""
+    """The propensities of a network at real counts, and its rate equations integrated from there."""
 
     def __init__(self, network: Network) -> None:
         laws = mass_action(network)
@@ -61,9 +61,9 @@ class Outlook:
         return self.network.channels[int(rates.argmax())], float(rates.max())
 
     def events(self, counts: Ints, time: float, end: float, most: float) -> float:
-        """Events from these counts (S,) at `time` until `end`, tu, at least; nan where that cannot be told.
+        """A lower estimate of the events from counts (S,) at `time` until `end`, tu; nan if the equations give none.
 
-        most : the number that is in question; far beyond it, nobody counts on
+        most : the number of events allowed; integration stops far beyond it
         """
         if counts.size > MOST_SPECIES or self.network.events:
             return np.nan

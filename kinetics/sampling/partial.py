@@ -10,9 +10,9 @@ import numpy as np
 from kinetics import kernels
 from kinetics.network import Network
 from kinetics.sampling.base import SamplingMethod
+from kinetics.sampling.buffered import BufferedSampler
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.mass_action import mass_action
-from kinetics.sampling.stepwise import StepwiseSampler
 from kinetics.support.arrays import Ints
 
 
@@ -41,7 +41,7 @@ class PartialPropensities(SamplingMethod):
         """Processor time of an event, ns, with the beginning of a run of some hundred events."""
         return 92.0 + 0.04 * size.n_species + 1.0 * size.n_channels / max(1, size.n_species)
 
-    def prepared(self, network: Network) -> StepwiseSampler:
+    def prepared(self, network: Network) -> BufferedSampler:
         """The network made ready for `kernels.partial`."""
         model, order = model_of(network)
         n_species, width = model.couplings.shape
@@ -65,11 +65,11 @@ class PartialPropensities(SamplingMethod):
         def advance(work: kernels.partial.PartialWork, *rest: object) -> int:
             return kernels.partial.advance(model, work, *rest)
 
-        return StepwiseSampler(begin, advance, order)
+        return BufferedSampler(begin, advance, order)
 
 
 def model_of(network: Network) -> tuple[kernels.partial.PartialModel, Ints]:
-    """What the kernel reads, and the network's channels in the order of the kernel's."""
+    """The tables that `kernels.partial` reads, and the network's channels (R,) in the order of the kernel."""
     needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels, n_species = needed.shape
     laws = mass_action(network)

@@ -12,9 +12,9 @@ from kinetics import kernels
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.sampling.base import SamplingMethod
+from kinetics.sampling.buffered import BufferedSampler
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.mass_action import MassAction, mass_action
-from kinetics.sampling.stepwise import StepwiseSampler
 from kinetics.support.arrays import Ints
 
 LARGEST_GROUP = 16  # channels; a longer walk through a group costs more than another group
@@ -64,7 +64,7 @@ class CompositionRejection(SamplingMethod):
             f"use 'auto'"
         )
 
-    def prepared(self, network: Network) -> StepwiseSampler:
+    def prepared(self, network: Network) -> BufferedSampler:
         """The network made ready for `kernels.rejection`."""
         model, order = model_of(network)
         n_groups = model.groups.size
@@ -87,11 +87,11 @@ class CompositionRejection(SamplingMethod):
         def advance(work: kernels.rejection.RejectionWork, *rest: object) -> int:
             return kernels.rejection.advance(model, work, *rest)
 
-        return StepwiseSampler(begin, advance, order)
+        return BufferedSampler(begin, advance, order)
 
 
 def model_of(network: Network) -> tuple[kernels.rejection.RejectionModel, Ints]:
-    """What the kernel reads, and the network's channels in the order of the kernel's."""
+    """The tables that `kernels.rejection` reads, and the network's channels (R,) in the order of the kernel."""
     laws = mass_action(network)
     needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels, n_species = needed.shape
@@ -145,13 +145,10 @@ def _owners(network: Network, laws: MassAction) -> tuple[Ints, Ints]:
 def _words(
     changed_by: Ints, species: Ints, gained: Ints, readers: SparseTable, kinds: Ints, n_channels: int
 ) -> tuple[Ints, NDArray[np.uint32], NDArray[np.uint32]]:
-    """Events and lists of groups as `kernels.rejection` reads them: where each event and each species' list begins.
+    """Tables of events and of groups to renew, as `kernels.rejection` reads them.
 
-    changed_by, species, gained : (n,) channel, species and copies of each change
-    readers, kinds : groups that depend on each species, and how
-
-    The groups of all species that a channel changes are put together, so that each is renewed once; but a list that
-    would be long is not, and the species' own lists are taken.
+    A channel has one list of the groups of all species that it changes, so that each group is renewed once; if that
+    would be long, it refers to the lists of its species instead.
     """
     is_joint = np.bincount(changed_by, np.diff(readers.starts)[species], n_channels) <= LONGEST_LIST
     joined = is_joint[changed_by]

@@ -35,7 +35,7 @@ class Sampler(Protocol):
     """A network made ready for a method. Run number n has the same events however it is asked for.
 
     Its kernels return after a fraction of a second, and `watch.pause` is called before they go on. A run that cannot
-    go on, or not within the events allowed, is told to `watch.stop`; other runs are made as ever.
+    go on, or not within the events allowed, is reported to `watch.stop`; other runs go on.
     """
 
     def ensemble(
@@ -55,7 +55,7 @@ class RunSource:
     start : (S,) counts at time 0
     key : (4,) from which the random stream of every run is derived, see `base.stream_key`
     weights : (S, V) whole weights, for V sums of counts instead of all counts; None for these
-    outlook : what is to come of a run; None where nobody knows
+    outlook : forecast of the events that a run has before it; None if there is none
     max_events : the most events of a run
     until : the condition at which runs end; None where there is none
     ends_at_once : whether it holds at the start
@@ -80,11 +80,11 @@ class RunSource:
         return self.start.size if self.weights is None else self.weights.shape[1]
 
     def starting_at(self, start: Ints) -> RunSource:
-        """The same from other counts (S,)."""
+        """A copy of the source that starts its runs at counts (S,)."""
         return replace(self, start=start)
 
     def watch(self, grid: Floats, first_run: int = 0, runs: int = 1) -> Watch:
-        """Over so many runs from number `first_run` on, for several calls of `counts` or for `blocks`."""
+        """A watch over `runs` runs from number `first_run` on, for several calls of `counts` or for `blocks`."""
         return Watch(grid, self.outlook, self.max_events, first_run, until=self.until, runs=runs)
 
     def counts(
@@ -107,7 +107,7 @@ class RunSource:
         n_species = self.start.size
         if self.weights is None:
             what = f"all counts of {runs} runs of {n_species} species at {grid.size} times"
-            advice = "ask for `simulate_statistics`, which does not grow with the runs, or for fewer"
+            advice = "use `simulate_statistics`, whose memory does not grow with the runs, or ask for fewer"
             check_memory(what, 8.0 * runs * grid.size * n_species, advice)
             return self._made(grid, runs, first_run, threads, watch)
         block = max(1, WEIGHED_BYTES // (8 * grid.size * n_species))
@@ -182,7 +182,7 @@ class RunSource:
 
 
 def _leading(cuts: list[int], first_run: int, watch: Watch) -> int:
-    """How many of the first runs are done, of pieces some of which are not: an order that no run's length decides."""
+    """The number of first runs that are all done; taken by run number, so that short runs are not favoured."""
     done = 0
     for begin, end in pairwise(cuts):
         done = begin + watch.complete.get(first_run + begin, 0)

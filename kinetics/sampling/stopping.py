@@ -23,7 +23,7 @@ LARGEST, LARGEST_LIMIT = 2**31, 2**53  # whole weight, and number that a sum is 
 
 
 def stop_at(until: str | Condition, network: Network, start: Ints) -> tuple[Stop, bool]:
-    """A condition as the kernels read it, and whether it holds at the start; a ValueError where it is none."""
+    """The stop condition as kernels read it, and whether it holds at the start; a ValueError if it is no condition."""
     condition = until if isinstance(until, Condition) else Condition(until, Model(network, start))
     is_there = bool(condition.holds(start[None])[0])
     return _table(condition, network), is_there

@@ -1,4 +1,4 @@
-"""What is looked at while runs are made, between calls of a kernel: whether to stop, and whether they ever end.
+"""Checks between calls of a kernel while runs are made: interruption, too many events, runs that never end.
 
 Kernels return after a fraction of a second and go on from where they were, with the same bits: Ctrl-C is heard between
 calls. A run that has made many events is looked at, and again whenever it has doubled them. It is truncated where it
@@ -50,7 +50,7 @@ class CutRun(NamedTuple):
 
 
 class Watch:
-    """Over the runs of one ensemble, or a path.
+    """A watch over the runs of one ensemble, or over one path.
 
     grid : (T,) the times asked for
     outlook : of the network; None where nothing can be forecast
@@ -103,15 +103,15 @@ class Watch:
     def limits(self, first_run: int) -> Ints:
         """`needed` of the runs from `first_run` on, and the first look, as kernels read them: see `direct.ensemble`.
 
-        The first runs, up to the one that was truncated, go on to the first time that is left out, so that it is known
-        how many reach it; whoever is truncated first in some order of the runs, the figures end at the same time.
+        The first runs, up to the truncated one, go on to the first time that is left out, so that it is known how many
+        reach it. The figures then end at the same time, whichever run is truncated first.
         """
         few, followed = (self.grid.size, 0) if self._first is None or self.until is not None else self._first
         followed = max(self.first_run + FIRST_RUNS, followed)
         return np.array([min(few + 1, self.grid.size), few, followed - first_run, self.first_look])
 
     def stop_of(self, first_run: int, runs: int, channels: Ints) -> tuple[Stop | None, Floats | None]:
-        """What a kernel with these channels (G,) reads and writes of runs that end at the condition; None without one.
+        """The stop condition as a kernel with channels (G,) reads it; None without a condition.
 
         Returns the condition and a view (runs,) into `reached`.
         """
@@ -171,7 +171,7 @@ class Watch:
         return int(self.limits(0)[1])
 
     def truncation(self, runs: int) -> Truncation | None:
-        """What is to be said of `runs` runs; None where all have come to their end."""
+        """The truncation of an ensemble of `runs` runs, for its result; None if all runs reached their end."""
         return None if self._first is None else self._told(self._first, runs)
 
     def check(self) -> None:

@@ -1,7 +1,7 @@
 """Long calls during which Ctrl-C is heard.
 
 Python handles a signal between two of its own instructions, so a compiled call must end for it. Work that can be cut
-is done in `pieces`, each some tenths of a second; a call of a library that cannot is `heard` from another thread.
+is done in `short_slices`, each some tenths of a second; a call of a library that cannot is `heard` from another thread.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ Given = ParamSpec("Given")
 Result = TypeVar("Result")
 
 
-def pieces(count: int, work: float) -> Iterator[slice]:
+def short_slices(count: int, work: float) -> Iterator[slice]:
     """The numbers 0 to before `count` in pieces; work : steps that each takes.
 
-    >>> from kinetics.support.interrupts import pieces
-    >>> [(piece.start, piece.stop) for piece in pieces(5, work=2.0**26)]
+    >>> from kinetics.support.interrupts import short_slices
+    >>> [(piece.start, piece.stop) for piece in short_slices(5, work=2.0**26)]
     [(0, 2), (2, 4), (4, 5)]
     """
     length = max(1, int(AT_ONCE / max(work, 1.0)))

@@ -84,6 +84,6 @@ def check_visible(what: str, text: str) -> None:
     if found:
         before = text[: found.start()][-40:]
         raise ValueError(
-            f"{what} with the character U+{ord(found[0]):04X}, which cannot be seen, "
+            f"{what} with the invisible character U+{ord(found[0]):04X}, "
             f"{f'after {before!r}' if before else 'at its start'}; write it without"
         )

@@ -96,7 +96,7 @@ def new_folder(path: str | Path) -> Iterator[Path]:
     """
     goal = Path(path)
     if os.path.lexists(goal):
-        raise ValueError(f"{goal} is there already; give another name, or remove it")
+        raise ValueError(f"{goal} already exists; give another name, or remove it")
     if not goal.absolute().parent.is_dir():
         raise ValueError(f"the folder of {goal} does not exist; make it first")
     made = goal.absolute().parent / f".wellmixed-{os.urandom(8).hex()}.part"
@@ -123,9 +123,9 @@ def check_target(path: str | Path) -> None:
         return
     if not stat.S_ISREG(mode):
         kind = KINDS.get(stat.S_IFMT(mode), "a device or a pipe")
-        raise ValueError(f"{path} is {kind}, which is not written to; give the path of a file, there or to be made")
+        raise ValueError(f"{path} is {kind}, which is not written to; give the path of a file")
     if not os.access(path, os.W_OK):
-        raise PermissionError(f"{path} is protected from writing; name another file, or allow it")
+        raise PermissionError(f"{path} is write-protected; name another file, or allow writing")
 
 
 def checked_name(name: str, what: str) -> str:

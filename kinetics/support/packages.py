@@ -30,7 +30,7 @@ EXTRAS = {
     "bionetgen": "bionetgen>=0.8.7",
 }
 # what goes without such a package
-INSTEAD = {"pybullet": 'or let the scene name an engine that needs nothing more: engine = "own" under [numerics]'}
+INSTEAD = {"pybullet": 'or choose an engine without this dependency in the scene: engine = "own" under [numerics]'}
 
 
 def how_to_install(name: str) -> str:

@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 
-GUARD = 'put what starts workers in a script under `if __name__ == "__main__":`, for workers load the script as well'
+GUARD = 'in a script, start workers under `if __name__ == "__main__":`, because workers load the script as well'
 
 
 def end_with_parent() -> None:

@@ -112,7 +112,9 @@ def compare_solvers(
             refusals.append((solver.name, str(error)))
     if not answers:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in refusals)
-        raise ValueError(f"no solver takes the network ({reasons}); ask for earlier times, or start from fewer copies")
+        raise ValueError(
+            f"no solver supports the network ({reasons}); ask for earlier times or start from smaller counts"
+        )
     pairs = [_pair(a, b) for a, b in combinations(answers, 2)]
     return SolverAgreement((*pairs, *(pair for answer in answers for pair in _onward(*answer))), tuple(refusals))
 

@@ -60,13 +60,13 @@ def measure(
     if prices[0] > budget:
         raise ValueError(
             f"the first round alone is predicted to take {prices[0] / 60:.3g} CPU min, more than the budget of "
-            f"{budget / 60:.3g}: raise the budget, or take shorter runs or fewer cubes"
+            f"{budget / 60:.3g}: raise the budget, or use shorter runs or fewer cubes"
         )
     spent, done = 0.0, 0
     given_up: list[str] = []
     for price, due in zip(prices, missing, strict=True):
         if due and spent + price > budget:
-            tell(f"the budget ends after {done} of {rounds} rounds; the same call again goes on")
+            tell(f"the budget ends after {done} of {rounds} rounds; the same call again continues")
             break
         outcome = run_all(due, store, workers=workers, progress=progress, execute=execute_trial)
         given_up += [f"{lost.spec.title}: {lost.reasons[-1]}" for lost in outcome.quarantined]
@@ -94,7 +94,7 @@ def collect(
 
     reference, base = records(planned.reference), records(planned.base)
     if not all(reference):
-        raise ValueError(f"no run of the reference of scene {scene.name} was made: there is nothing to compare with")
+        raise ValueError(f"no reference run of scene {scene.name} was made: there is nothing to compare with")
     stops = [record.outcome for tank in reference for record in tank.values() if not record.completed]
     if stops:
         raise ValueError(f"the reference itself was {stops[0]}; there is nothing to compare with: choose a finer step")

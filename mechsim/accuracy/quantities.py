@@ -170,7 +170,7 @@ def counter(scene: Scene, world: World, in_passing: bool = True, finest: float =
     """
     bonding = scene.effect("bonding")
     if bonding is None:
-        raise ValueError(f"scene {scene.name} lists no bonding, so no reach within which faces meet: add it")
+        raise ValueError(f"scene {scene.name} lists no bonding, so there is no distance at which faces meet: add it")
     latch = bonding.latch if isinstance(bonding.latch, Encounter) else Encounter(probability=1.0)
     meetings = latch.attach(world, world.stream("bonding"))
     sideways = bonding.sideways * world.bodies.edge

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import POSITIVE, count_option, default_option
 from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
 from kinetics.support.output import write_whole
 from kinetics.support.packages import pd
 from kinetics.support.plots import save
-from mechsim.accuracy.plot import draw
 from mechsim.commands.options import executor_options, progress_option, runs_option
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
@@ -23,32 +23,15 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("scene", shell_complete=shipped("scene"))
-@click.option(
-    "--cubes",
-    metavar="N",
-    type=click.IntRange(min=2),
-    default=120,
-    show_default=True,
-    help="Number of single cubes in the tank.",
-)
-@click.option(
-    "--duration", metavar="T", type=float, default=50.0, show_default=True, help="Simulated time of a run, tu."
-)
-@click.option(
-    "--rounds",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=4,
-    show_default=True,
-    help="Number of runs at each time step; other settings get half as many.",
-)
-@click.option(
+@count_option("--cubes", least=2, default=120, help="Number of single cubes in the tank.")
+@default_option("--duration", metavar="T", type=float, default=50.0, help="Simulated time of a run, tu.")
+@count_option("--rounds", default=4, help="Number of runs at each time step; other settings get half as many.")
+@default_option(
     "--budget",
     metavar="MINUTES",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     default=20.0,
-    show_default=True,
-    help="CPU time allowed, minutes; the same command again goes on from there.",
+    help="CPU time allowed, minutes; the same command continues from there.",
 )
 @click.option(
     "--presets",
@@ -81,12 +64,13 @@ def mechanics(
 ) -> None:
     """Measure the error of SCENE's mean speed, encounter rate and bond loads against CPU time, setting by setting.
 
-    The result is a work-precision diagram. No bonds form or break. Encounters of single cubes' faces are counted, and
-    where bonds can break also the hits on structures above half the threshold, which stand for the rarer breaks. Errors
+    The result is a work-precision diagram. No bonds form or break. Encounters of single cubes' faces are counted, and,
+    if bonds can break, also the hits on structures above half the threshold, which stand for the rarer breaks. Errors
     are relative to the scene at a quarter of its step and four times its solver iterations. The same command again
-    reuses the runs that it finds and goes on where the budget ended. Exit code 4: some trials were given up.
+    reuses stored runs and continues where the budget ended. Exit code 4: some trials were given up.
     """
     from mechsim.accuracy.measuring import measure
+    from mechsim.accuracy.plot import draw
     from mechsim.accuracy.preset import choose
 
     measured = measure(

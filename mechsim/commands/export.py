@@ -21,7 +21,7 @@ from mechsim.runs.store import RunStore
     help="File format of the tables; may be repeated.  [default: both]",
 )
 @click.option(
-    "--rules", metavar="NAME", help="Only runs of this rule book; needed where the folder holds runs of several."
+    "--rules", metavar="NAME", help="Only runs of this rule book; needed if the folder holds runs of several."
 )
 @json_option
 def export(folder: str, out: str, formats: tuple[str, ...], rules: str | None, as_json: bool) -> None:

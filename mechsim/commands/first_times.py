@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import echo_json, json_option, seed_option
 from mechsim.commands.options import run_options
@@ -26,9 +27,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("study", shell_complete=shipped("study"))
-@click.option(
-    "--runs", metavar="N", type=click.IntRange(min=1), help="Number of runs at each point.  [default: the study's]"
-)
+@count_option("--runs", help="Number of runs at each point.  [default: the study's]")
 @click.option(
     "--points",
     "choices",
@@ -70,7 +69,9 @@ def first_times(
     stopped by the guard or given up.
     """
     if cost_only and collect:
-        raise ValueError("give either --cost-only or --collect: the one predicts, the other reads what there is")
+        raise ValueError(
+            "give either --cost-only or --collect: the first predicts the cost, the second summarises stored runs"
+        )
     described = Study.load(study)
     points = described.chosen(choices)
     number = runs or described.runs

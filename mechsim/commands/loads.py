@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from kinetics.support.cli.options import echo_json, json_option, picture_of
-from kinetics.support.plots import save
+from kinetics.support.cli.options import echo_json, json_option, picture_of, write_plots
 from mechsim.inspection.poses import record_at
 from mechsim.runs.store import RunStore
 
@@ -20,7 +19,7 @@ from mechsim.runs.store import RunStore
     multiple=True,
     metavar="LOAD",
     type=click.FloatRange(min=0, min_open=True),
-    help="Threshold at which rates of breaks are wanted; may be repeated.  [default: that of the runs]",
+    help="Threshold at which to extrapolate rates of breaks; may be repeated.  [default: that of the runs]",
 )
 @click.option(
     "--plot",
@@ -36,9 +35,9 @@ def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot_files: tupl
 
     A run has a log if its scene's effect breaking has log_above. The table gives the rate of hits above several loads,
     the exponent with which hits grow with the partner's size, and the rate of breaks at the threshold, extrapolated
-    from the tail of loads, with 95 % limits and whether answers from several levels agree. Exposures are those of every
-    run's own tank; where tanks of different size or number of cubes disagree on a rate of hits, the command says so.
-    Runs without a log, or stopped by the guard, are left out. The command draws no random numbers.
+    from the tail of loads, with 95 % intervals and a check that several levels agree. Exposures are counted in each
+    run's own tank; if tanks of different size or number of cubes disagree on a rate of hits, the command says so. Runs
+    without a log, or stopped by the guard, are left out. The command draws no random numbers.
     """
     from mechsim.inspection.tail_extrapolation.report import extrapolate, plot_tails
 
@@ -53,8 +52,7 @@ def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot_files: tupl
             "breaking has log_above"
         )
     found = extrapolate(logged, thresholds)
-    for plot_file in plot_files:
-        save(plot_file, lambda ax: plot_tails(ax, found))
+    write_plots(plot_files, lambda ax: plot_tails(ax, found))
     if as_json:
         echo_json(found.as_dict() | {"left_out": len(records) - len(logged)})
     else:

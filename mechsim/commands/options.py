@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from kinetics.support.cli.declared import POSITIVE, default_option
 from kinetics.support.cli.failures import STOPPED, keep_runs
 from kinetics.support.cli.options import echo_json
 from mechsim.runs.ensemble import run_all
@@ -26,20 +27,18 @@ PATIENCE = 600.0  # s; even compiling all kernels on a busy machine takes a tent
 progress_option = click.option(
     "--progress/--quiet", default=None, help="Show progress.  [default: on a terminal, and now and then elsewhere]"
 )
-_timeout_option = click.option(
+_timeout_option = default_option(
     "--timeout",
     metavar="SECONDS",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     default=PATIENCE,
-    show_default=True,
     help="Wall time without progress after which a run is ended, s; a run is tried three times in all.",
 )
-runs_option = click.option(
+runs_option = default_option(
     "--runs-folder",
-    default="runs",
-    show_default=True,
     metavar="FOLDER",
     type=click.Path(file_okay=False),
+    default="runs",
     help="Folder in which runs are kept; a run that is already there is not made again.",
 )
 _shard_option = click.option(
@@ -63,7 +62,7 @@ def executor_options(command: Callable[..., None]) -> Callable[..., None]:
         given = {kind: values.pop(_name(kind)) for kind in EXECUTORS}
         asked = [kind for kind, value in given.items() if value is not None]
         if len(asked) > 1:
-            raise ValueError(f"{asked[0].option} and {asked[1].option} both say who makes the runs; give one of them")
+            raise ValueError(f"{asked[0].option} and {asked[1].option} both say what makes the runs; give one of them")
         kind = asked[0] if asked else EXECUTORS[0]
         executor = kind.from_option(given[kind], timeout)
         executor.check()

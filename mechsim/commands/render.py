@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import PICTURES, echo_json, in_a_folder, json_option
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.packages import require
@@ -39,20 +40,10 @@ def out_of(ctx: click.Context, param: click.Parameter, value: str) -> str:
     callback=out_of,
     help="The file to write: a strip of pictures (.png .pdf .svg), a film (.mp4 .gif), or an interactive view (.html).",
 )
-@click.option(
-    "--frames",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="Largest number of frames.  [default: 5 in a strip, up to 300 in a film]",
-)
+@count_option("--frames", help="Largest number of frames.  [default: 5 in a strip, up to 300 in a film]")
 @click.option("--faces", is_flag=True, help="Colour faces by type instead of structures by size.")
-@click.option(
-    "--fps",
-    metavar="RATE",
-    type=click.FloatRange(min=0.1, max=60),
-    default=15.0,
-    show_default=True,
-    help="Frames per second of a film.",
+@default_option(
+    "--fps", metavar="RATE", type=click.FloatRange(min=0.1, max=60), default=15.0, help="Frames per second of a film."
 )
 @runs_option
 @progress_option

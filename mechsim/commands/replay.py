@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.failures import DIFFERENT
 from kinetics.support.cli.options import echo_json, json_option, picture_of
 from kinetics.support.plots import save
@@ -13,14 +14,7 @@ from kinetics.support.plots import save
 
 @click.command()
 @click.argument("file", type=click.Path(exists=True, dir_okay=False))
-@click.option(
-    "--last",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=40,
-    show_default=True,
-    help="Number of last steps to look at.",
-)
+@count_option("--last", default=40, help="Number of last steps to look at.")
 @click.option("--poses", metavar="FILE", help="Write the poses and motions of all cubes in these steps (.npz).")
 @click.option(
     "--picture",

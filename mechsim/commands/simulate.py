@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import counts_of, echo_json, json_option, picture_of, plot_option, seed_option
 from kinetics.support.cli.study_folder import RUNS, SCENE, is_filled, or_study_folder, start_of
@@ -33,21 +34,14 @@ if TYPE_CHECKING:
     shell_complete=shipped("scene"),
     **or_study_folder(SCENE, {"runs_folder": RUNS, "initial": start_of}),
 )
-@click.option(
-    "--cubes",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="Start from this many single cubes, including the seed if there is one.",
-)
+@count_option("--cubes", help="Start from this many single cubes, including the seed if there is one.")
 @click.option(
     "--initial",
     metavar="SPECIES=COUNT,...",
     help="Start from these structures: monomer=20,dimer=20, or monomer=100,seed=1.",
 )
-@click.option(
-    "--duration", metavar="T", type=float, default=200.0, show_default=True, help="Simulated time of a run, tu."
-)
-@click.option("--runs", metavar="N", type=click.IntRange(min=1), default=1, show_default=True, help="Number of runs.")
+@default_option("--duration", metavar="T", type=float, default=200.0, help="Simulated time of a run, tu.")
+@count_option("--runs", default=1, help="Number of runs.")
 @click.option("--restart", is_flag=True, help="Reset the tank to its initial state after every event.")
 @click.option("--without", multiple=True, metavar="EFFECT", help="Leave an effect out of the scene; may be repeated.")
 @click.option(

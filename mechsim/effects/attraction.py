@@ -38,7 +38,7 @@ class Attraction(Effect, tag="attraction"):
         if self.reach > scene.cubes.edge / 2:
             raise ValueError(
                 f"attraction.reach = {self.reach} is more than half the cubes' edge of {scene.cubes.edge}; "
-                f"attraction is of short range: take at most {scene.cubes.edge / 2:g}"
+                f"attraction is short-range: use at most {scene.cubes.edge / 2:g}"
             )
 
     def attach(self, world: ViewOfWorld) -> Action:

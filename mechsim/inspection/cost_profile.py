@@ -29,7 +29,8 @@ TRIES = 20  # blocks for one that no other process has broken into
 INSIDE = ("engine", "reading back")
 
 BY_PAIRS = "effect, by pairs"
-PAIRS = "by pairs: what the engine, and reading back, take less in the same tank without it; taken off their lines\n\n"
+PAIRS = "by pairs: how much less the engine and reading back take in the same tank without it; subtracted from "
+"their lines\n\n"
 
 Parts = Sequence[tuple[str, Callable[[], object]]]
 Clock = Callable[[], int]
@@ -152,7 +153,9 @@ def _in_turns(measures: Sequence[Callable[[], Any]], blocks: int) -> list[np.nda
             seen[which].append(found)
         if sum(map(len, seen)) >= blocks and min(map(len, seen)) > blocks // (2 * len(measures)):
             return [np.array(values) for values in seen]
-    raise RuntimeError(f"other processes broke into most of {TRIES * blocks} times {BLOCK} steps: try when it is calm")
+    raise RuntimeError(
+        f"other processes interrupted most of {TRIES * blocks} times {BLOCK} steps: try again on an idle machine"
+    )
 
 
 def _parted(parts: Parts, clock: Clock, look: float) -> np.ndarray:

@@ -13,7 +13,7 @@ from kinetics.support.limits import RUN_BYTES, bytes_in
 from mechsim.runs.record import RunRecord, RunSpec, book_of
 from mechsim.runs.store import DamagedRunError, decode
 
-NOT_THERE = "no poses were recorded; run it again with poses every so many tu (simulate --poses)"
+NOT_THERE = "no poses were recorded; repeat the run with an interval between poses (simulate --poses)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Poses:
             if array.shape != shape or not array.size:
                 self._fail(f"{name} has shape {array.shape}; expected {shape}, with at least one frame and cube")
             if array.dtype.kind not in "iuf" or not np.isfinite(array).all():
-                self._fail(f"{name} holds what is no finite number")
+                self._fail(f"{name} holds a value that is not finite")
         if (np.diff(self.times) < 0).any():
             self._fail("the times do not ascend")
         if self.slots.dtype.kind == "f" or self.slots.min() < 0 or self.slots.max() >= cubes:
@@ -99,7 +99,7 @@ def record_at(run: str, folder: str | Path) -> RunRecord:
         if len(found) != 1:
             raise ValueError(
                 f"{run} is no file, and {folder} holds {len(found) or 'no'} runs whose key begins with it; give the "
-                "path of a .run file, or a key that `wellmixed simulate --json` prints, beside its folder"
+                "path of a .run file, or a key that `wellmixed simulate --json` prints, with its folder"
             )
         path = found[0]
     try:

@@ -79,7 +79,7 @@ class Replay:
     def __str__(self) -> str:
         rows = self.rows()
         cells = [tuple("-" if v is None else f"{v:.6g}" for v in row.values()) for row in rows]
-        same = "the same, bit for bit" if self.is_same else "NOT the same: another machine or library?"
+        same = "identical, bit for bit" if self.is_same else "NOT identical: another machine or library?"
         ended = f"ended at {self.record.facts['end']:.6g} tu; {same}"
         head = f"{self.record.spec.title}\n{self.record.outcome}\n{ended}"
         return f"{head}\n{text_table(tuple(name.replace('_', ' ') for name in rows[0]), cells)}"
@@ -96,7 +96,7 @@ def replay(file: str | Path, last: int = 40) -> Replay:
     try:
         manifest, _ = decode(bytes_in(Path(file), RUN_BYTES), Path(file))
     except DamagedRunError as error:
-        raise ValueError(f"{file} is not a sound run file: {error}") from error
+        raise ValueError(f"{file} is not a valid run file: {error}") from error
     spec = RunSpec.of_inputs(manifest["inputs"], file)
     if spec.key != manifest["key"]:
         differ = [name for name, value in spec.inputs.items() if manifest["inputs"].get(name) != value]

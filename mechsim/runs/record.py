@@ -17,20 +17,20 @@ import numpy as np
 
 from kinetics.assembly import Derivation, RuleBook, Structure, derive
 from kinetics.network import Tank
-from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
+from kinetics.runs import RESTART, JumpPath
 from kinetics.support.config import is_path
+from kinetics.support.frozen import set_fields
 from kinetics.support.settings import validated
 from kinetics.support.stream_keys import words_of
 from mechsim.effects.base import EventKind, Stopped
-from mechsim.effects.hits import Hit
 from mechsim.runs.contents import RunInputs, is_trial
-from mechsim.runs.load_log import LoadLog
+from mechsim.runs.event_watch import EventWatch, RunEvent
 from mechsim.runs.species import some_of
 from mechsim.scene import Scene
 from mechsim.world.engines import engine_named
 
 if TYPE_CHECKING:
-    from mechsim.world.world import BondEvent, World
+    from mechsim.world.world import World
 
 # Raised by hand whenever the same inputs would give another record: it is part of a run's name.
 PHYSICS = 3
@@ -104,7 +104,7 @@ class RunSpec:
                 raise ValueError(f"{name} = {count}; expected a whole number, 0 or more")
         # One order of placing for one name: a run's key does not depend on the order in which its species were written.
         ordered = {name: int(self.composition[name]) for name in species if self.composition.get(name)}
-        object.__setattr__(self, "composition", ordered)
+        set_fields(self, composition=ordered)
         if self.n_cubes < 1:
             raise ValueError("the composition holds no cubes")
         if breaking and not self.scene.openers("join") and not any(structure.bonds for structure in self.start):
@@ -118,7 +118,9 @@ class RunSpec:
             if self.composition.get(self.until, 0):
                 raise ValueError(f"until = {self.until!r}, but the composition already holds one: leave it out")
             if self.restart:
-                raise ValueError(f"until = {self.until!r} with restart: a tank put back at every event; choose one")
+                raise ValueError(
+                    f"until = {self.until!r} with restart: a restart resets the tank at every event; choose one"
+                )
         edge, size = self.scene.cubes.edge, self.scene.tank.size
         volume, room = self.n_cubes * edge**3, float(np.prod(size))
         if volume > room:
@@ -272,51 +274,6 @@ class RunRecord:
         )
 
 
-@dataclass(frozen=True)
-class _Event:
-    time: float
-    channel: int
-    bond: tuple[int, int] = (-1, -1)
-    partner: int = NO_BREAK
-
-
-class _Watch:
-    """Turns the world's joins and partings into channels of the network; notes the first copy of a species."""
-
-    def __init__(self, derivation: Derivation, composition: dict[str, int], until: str | None):
-        self.derivation = derivation
-        self.initial = derivation.network.state(composition)
-        self.events: list[_Event] = []
-        self.log = LoadLog()
-        self.step, self.time = 0, 0.0
-        self.until = None if until is None else derivation.network.index(until)
-        self.is_reached = False
-
-    def __call__(self, event: BondEvent) -> None:
-        species, hit = self.derivation.species_of, event.hit
-        made = [species(s) for s in event.after]
-        channel = self.derivation.channel([species(s) for s in event.before], made)
-        if len(event.before) > 1:
-            partner = NO_BREAK
-        elif hit is None:
-            partner = BY_UNKNOWN
-        elif hit.is_shared:
-            partner = BY_SEVERAL
-        else:
-            partner = BY_WALL if hit.partner is None else species(hit.partner)
-        self.events.append(_Event(self.time, channel, event.cubes, partner))
-        self.is_reached |= self.until in made
-
-    def log_hit(self, hit: Hit) -> None:
-        self.log.add(self.step, self.time, hit)
-
-    def break_channel(self, structure: Structure, bond: tuple[int, int]) -> int:
-        """The channel of the break of this bond (two indices of cubes)."""
-        species = self.derivation.species_of
-        parts = self.derivation.book.break_bond(structure, *bond)
-        return self.derivation.channel([species(structure)], [species(part) for _, part in parts])
-
-
 def execute(
     spec: RunSpec,
     progress: Callable[[float], None] | None = None,
@@ -335,7 +292,7 @@ def execute(
     from mechsim.world.world import World  # the engine is loaded when a run is made, not when one is read
 
     book, derivation = book_of(spec.scene.rules)
-    watch = _Watch(derivation, spec.composition, spec.until)
+    watch = EventWatch(derivation, spec.composition, spec.until)
     start = spec.start
     steps = math.ceil(spec.duration / spec.scene.numerics.step - 1e-9)
     every = None if spec.poses is None else max(1, round(spec.poses / spec.scene.numerics.step))
@@ -360,7 +317,7 @@ def execute(
                 break
             if spec.restart and len(watch.events) > seen:
                 # Only the first event counts; a second one within the same step belongs to a state nobody chose.
-                watch.events[seen + 1 :] = [_Event(watch.time, RESTART)]
+                watch.events[seen + 1 :] = [RunEvent(watch.time, RESTART)]
                 world.populate(start)
             if progress is not None and step % PROGRESS_STEPS == 0:
                 progress(world.time)

@@ -88,7 +88,7 @@ class RunStore:
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder).absolute()  # workers may have another working directory
         if self.folder.exists() and not self.folder.is_dir():
-            raise ValueError(f"{self.folder} is a file; a folder of runs was expected: name another folder")
+            raise ValueError(f"{self.folder} is a file; expected a folder of runs: name another")
         missing = [one.parent for one in self.folder.parents if not one.exists()]
         self.folder.mkdir(parents=True, exist_ok=True)
         marker, expected = self.folder / "format", f"wellmixed runs, format {FORMAT}\n".encode()

@@ -86,8 +86,8 @@ def fit_log(times: Floats, design: Floats, cap: float) -> LogFit:
     n, width = design.shape
     if seen.sum() <= width or np.linalg.matrix_rank(design[seen]) < width:
         raise ValueError(
-            f"{int(seen.sum())} of {n} first times were seen before the cap, at too few points to fit {width} "
-            "coefficients; make more runs, or take a longer cap"
+            f"{int(seen.sum())} of {n} first times were observed before the cap, at too few points to fit {width} "
+            f"coefficients; make more runs, or use a longer cap"
         )
     y = np.log(np.minimum(times, cap))
     rows = np.column_stack([-design, y])

@@ -109,13 +109,15 @@ class Study(Settings, dict=True):
         checked_name(self.name, "study name")
         names = [factor.name for factor in self.factors]
         if len(set(names)) < len(names):
-            raise ValueError(f"factors {', '.join(names)}: a name stands twice")
+            raise ValueError(f"factors {', '.join(names)}: a name appears twice")
         settings = [factor.setting for factor in self.factors if factor.setting is not None]
         if len(set(settings)) < len(settings):
             raise ValueError(f"two factors vary one setting; settings are {', '.join(settings)}")
         derivation = book_of(self.base.rules)[1]
         if species_of(derivation, derivation.book.target) is None:
-            raise ValueError(f"book {self.base.rules} names no target that free cubes become: no first one to wait for")
+            raise ValueError(
+                f"book {self.base.rules} has no target that free cubes form: there is no first one to wait for"
+            )
         grid = {point.levels for point in self.points}
         for known in self.paper:
             if known.at not in grid:

@@ -231,7 +231,7 @@ def summarise(
 def first_time(record: RunRecord) -> float:
     """Time of the first target, tu; inf where the run ended without one."""
     if record.spec.until is None:
-        raise ValueError(f"{record.spec.title} is no run of a study: it waits for nothing")
+        raise ValueError(f"{record.spec.title} is not a run of a study: it waits for nothing")
     time = float(record.path.first_time(record.spec.until))
     return math.inf if math.isnan(time) else time
 

@@ -248,7 +248,7 @@ class World:
             slot = not_finite(b.live, b.velocity, b.spin)
             if slot >= 0:
                 raise Stopped(
-                    f"effect {effect!r} made a motion that is not a number: {b.title(slot)} at {self.time:.4f} tu, "
+                    f"effect {effect!r} produced a motion that is not a number: {b.title(slot)} at {self.time:.4f} tu, "
                     f"mass {b.mass[slot]:.3g}, velocity {b.velocity[slot]}, spin {b.spin[slot]}"
                 )
 

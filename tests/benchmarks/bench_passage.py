@@ -95,7 +95,7 @@ def within(cubes: int) -> None:
     whole = Chain.of(line, [cubes, 0, 0, 0])
     click.echo(f"all {len(whole)} states: {whole.until('quadmer >= 2', by=100.0)}")
     for part in ("trimer <= 4 and quadmer <= 2", "trimer <= 8 and quadmer <= 2", "trimer <= 13 and quadmer <= 2"):
-        chain = Chain.of(line, [cubes, 0, 0, 0], within=part)
+        chain = Chain.of(line, [cubes, 0, 0, 0], truncate=part)
         click.echo(f"within {part}, {len(chain)} states: {chain.until('quadmer >= 2', by=100.0)}")
 
 

@@ -17,16 +17,16 @@ import time
 from itertools import islice
 from pathlib import Path
 from statistics import median
+from unittest.mock import patch
 
 import click
 import numpy as np
 
 from kinetics.assembly import RuleBook, derive
-from kinetics.kernels.direct import ensemble
-from kinetics.kernels.lockstep import lockstep
+from kinetics.kernels.ensemble_work import ensemble_work
+from kinetics.native import twins
+from kinetics.native.lanes import Lanes
 from kinetics.native.library import is_built
-from kinetics.native.twins import direct as direct_in_c
-from kinetics.native.twins import lockstep as lockstep_in_c
 from kinetics.rates import Rates
 from kinetics.sampling import Direct
 from kinetics.sampling.base import stream_key
@@ -88,19 +88,26 @@ def events(repeats: int) -> None:
     """ns an event of the line of four at 60 cubes, by both twins."""
     network = Rates.load("table3").apply(derive(RuleBook.load("line4")).network)
     merging, start = Merging.of(network), np.array([60, 0, 0, 0])
-    model, changes = merging.model(), network.stoichiometry[merging.leaders]
+    model, changes = merging.model(), network.stoichiometry[merging.representatives]
     grid, key = np.array([2000.0]), stream_key(0)
-    kernels = {"direct": (direct_in_c, ensemble), "lockstep": (lockstep_in_c, lockstep)}
+    limits, runs = np.array([1, 1, 0, 10**9]), 2000
+    kernels = {
+        "direct": lambda out: twins.direct(model, changes, ensemble_work(4), start, grid, key, 0, out),
+        "lockstep": lambda out: twins.lockstep(
+            model, changes, Lanes(model, changes), start, grid, key, 0, out, np.zeros(runs, dtype=bool)
+        ),
+    }
     paths = islice(Direct().sample_paths(network, start, 2000.0), 50)
     n_events = np.mean([path.times.size for path in paths])
     rows = []
     for name, twin in kernels.items():
         times: list[list[float]] = [[], []]
         for repeat in range(repeats + 1):
-            for kernel, found in zip(twin, times, strict=True):
-                out = np.empty((2000, 1, 4), np.int64)
+            for in_c, found in zip((True, False), times, strict=True):
+                out = np.empty((runs, 1, 4), np.int64)
                 began = time.process_time()
-                kernel(model, changes, start, grid, key, 0, out)
+                with patch.object(twins, "is_built", return_value=in_c):
+                    twin(out)(limits, 10**9)
                 if repeat:  # the first may compile
                     found.append((time.process_time() - began) / (len(out) * n_events))
         rows.append([name, *(f"{1e9 * median(found):.1f}" for found in times)])

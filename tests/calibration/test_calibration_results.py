@@ -44,7 +44,7 @@ def held_out():
 @cache
 def validated():
     rates = calibrated().rates()
-    return crossvalidate(line_network(), rates, held_out(), TIMES, "quadmer", groups=59, runs=20)
+    return crossvalidate(rates, held_out(), TIMES, "quadmer", groups=59, runs=20)
 
 
 RESULTS = {

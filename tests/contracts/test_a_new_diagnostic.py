@@ -51,9 +51,9 @@ def copy(tmp_path):
 
 def test_a_new_diagnostic_passes_the_contract(copy):
     (copy / ROOM / "parity.py").write_text(NEW)
-    done = run_contract(copy, "test_diagnostics.py", "-k", "newmember")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "7 passed" in done.stdout
+    code, said = run_contract(copy, "test_diagnostics.py", "-k", "newmember")
+    assert code == 0, said
+    assert "7 passed" in said
 
 
 def test_a_wrong_one_does_not(copy):
@@ -63,7 +63,7 @@ def test_a_wrong_one_does_not(copy):
         "from calibration.estimating.diagnosing.base import Judged\nfrom calibration.estimating.diagnosing.groups",
     )
     (copy / ROOM / "parity.py").write_text(named + SILENT)
-    done = run_contract(copy, "test_diagnostics.py", "-k", "newmember", "-rf", "--tb=no")
-    assert done.returncode == 1, done.stdout + done.stderr
+    code, said = run_contract(copy, "test_diagnostics.py", "-k", "newmember", "-rf", "--tb=no")
+    assert code == 1, said
     for case in ("test_silence_is_not_agreement", "test_sound_runs_fail_as_often_as_they_may"):
-        assert f"::{case}[newmember]" in done.stdout, f"{case} did not fail: {done.stdout}"
+        assert f"::{case}[newmember]" in said, f"{case} did not fail: {said}"

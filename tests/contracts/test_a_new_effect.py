@@ -68,25 +68,24 @@ def copy(tmp_path):
     return made
 
 
-def contract_of(copy, text, monkeypatch):
+def contract_of(copy, text):
     """The contract's cases for an effect that is this file; nothing is compiled for so few steps."""
     (copy / "mechsim" / "effects" / "breeze.py").write_text(text)
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
-    return run_contract(copy, "test_effects.py", "-k", "breeze", "-rf", "--tb=no")
+    return run_contract(copy, "test_effects.py", "-k", "breeze", "-rf", "--tb=no", plain=True)
 
 
-def test_one_file_and_one_line_add_an_effect(copy, monkeypatch):
-    done = contract_of(copy, BREEZE, monkeypatch)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "16 passed" in done.stdout
+def test_one_file_and_one_line_add_an_effect(copy):
+    code, said = contract_of(copy, BREEZE)
+    assert code == 0, said
+    assert "16 passed" in said
 
 
-def test_the_contract_notices_what_is_wrong_with_it(copy, monkeypatch):
+def test_the_contract_notices_what_is_wrong_with_it(copy):
     """Control: five mistakes in the same file."""
     text = BREEZE
     for right, wrong, _ in MISTAKES:
         assert right in text
         text = text.replace(right, wrong)
-    done = contract_of(copy, text, monkeypatch)
-    failed = {line.split("::")[1].split("[")[0] for line in done.stdout.splitlines() if line.startswith("FAILED")}
-    assert failed >= {case for _, _, case in MISTAKES}, done.stdout + done.stderr
+    _, said = contract_of(copy, text)
+    failed = {line.split("::")[1].split("[")[0] for line in said.splitlines() if line.startswith("FAILED")}
+    assert failed >= {case for _, _, case in MISTAKES}, said

@@ -26,6 +26,7 @@ from kinetics.rates.breaks import (
 )
 from kinetics.runs import RESTART, JumpPath
 from kinetics.sampling import sample_path
+from tests.helpers.expanded_paths import on_base
 
 LINE = line_network()
 OTHER = Tank((1.0, 4.0, 5.0))
@@ -109,7 +110,7 @@ def test_weights_by_size_are_those_of_any_network(law):
     for shape in shapes(law):
         sizes = LINE.conserved["cubes"] if "cubes" in LINE.conserved else np.arange(1, 5)
         if type(law).by_size is BreakModel.by_size:
-            with pytest.raises(ValueError, match="by species, which books do not share"):
+            with pytest.raises(ValueError, match="by species, which differ between books"):
                 law.by_size(sizes, shape)
             return
         bodies, wall, alone = law.by_size(sizes, shape)
@@ -167,15 +168,15 @@ def test_paths_on_the_base_tell_the_same_story(law):
     truth = KnownBreaks(law, shapes(law)[0], (1e-3, 2e-3, 1e-3, 2e-3))
     expansion, network = truth.network(TANK)
     path = sample_path(network, [10, 4, 4, 6], 500.0, seed=1)
-    seen = expansion.on_base(replace(path, tank=TANK))
+    seen = on_base(expansion, replace(path, tank=TANK))
     assert (path.channels >= 0).sum() > 10
     assert_array_equal(seen.states, path.states)
     assert_array_equal(seen.channels, expansion.base_of[path.channels])
     assert seen.tank == TANK
     restarted = JumpPath(network, [0, 0, 0, 3], [1.0, 1.0], [len(network.channels) - 1, RESTART], 2.0)
-    assert expansion.on_base(restarted).channels.tolist() == [7, RESTART]
+    assert on_base(expansion, restarted).channels.tolist() == [7, RESTART]
     closed = replace(path, channels=[], times=[], open_channels=expansion.partner_of >= 0)
-    assert_array_equal(expansion.on_base(closed).open_channels, is_break(LINE))
+    assert_array_equal(on_base(expansion, closed).open_channels, is_break(LINE))
 
 
 def test_it_is_fitted_saved_and_predicts(law, tmp_path):

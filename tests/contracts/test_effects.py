@@ -288,7 +288,7 @@ def test_a_motion_that_is_not_a_number_is_laid_at_its_door(kind, world_of, poiso
         for _ in range(5):
             world.step()
         return
-    said = rf"effect '{name}' made a motion that is not a number: body {slot} \(cubes 3, 4\)"
+    said = rf"effect '{name}' produced a motion that is not a number: body {slot} \(cubes 3, 4\)"
     with pytest.raises(Stopped, match=said):
         run(world, 1.0)
     assert world.step_count == 3

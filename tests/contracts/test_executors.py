@@ -145,7 +145,7 @@ def test_what_every_run_would_meet_ends_the_call(executor, tmp_path):
         run_all([full, *specs_of(2, seconds=600.0, log=str(log))], store, workers=executor, execute=execute)
     stranger = FakeSpec(1, 1)
     vars(stranger)["key"] = "0" * 64  # as if asked for with other versions
-    with pytest.raises(ValueError, match=r"has rules .* the run was asked for with others"):
+    with pytest.raises(ValueError, match=r"has rules .* the run was requested with others"):
         run_all([stranger], store, workers=executor, execute=execute)
     wait_for(lambda: not any(map(is_alive, pids(log))))
     assert not list(store.folder.glob("*.run"))

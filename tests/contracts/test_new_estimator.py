@@ -50,16 +50,18 @@ def copy(tmp_path):
 
 def test_a_new_model_passes_the_contract(copy):
     (copy / MODELS / "powered.py").write_text(NEW)
-    done = run_contract(copy, "test_estimators.py", "-k", "newmember and not truth")  # the long one is left out
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "15 passed" in done.stdout
+    code, said = run_contract(copy, "test_estimators.py", "-k", "newmember and not truth")  # the long one is left out
+    assert code == 0, said
+    assert "15 passed" in said
 
 
 def test_a_wrong_one_does_not(copy):
     """Control: a hazard that is not the derivative of its integral, and docking ways that cancel, and more."""
     assert DIVIDED[0] in NEW
     (copy / MODELS / "powered.py").write_text(NEW.replace(*DIVIDED) + BROKEN)
-    done = run_contract(copy, "test_estimators.py", "-k", "newmember and (definition or docking)", "-rf", "--tb=no")
-    assert done.returncode == 1, done.stdout + done.stderr
+    code, said = run_contract(
+        copy, "test_estimators.py", "-k", "newmember and (definition or docking)", "-rf", "--tb=no"
+    )
+    assert code == 1, said
     for case in ("test_likelihood_is_its_definition", "test_combinations_do_not_depend_on_the_docking_ways"):
-        assert f"::{case}[newmember]" in done.stdout, f"{case} did not fail: {done.stdout}"
+        assert f"::{case}[newmember]" in said, f"{case} did not fail: {said}"

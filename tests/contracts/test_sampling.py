@@ -204,8 +204,8 @@ def test_a_run_ends_where_a_condition_first_holds(method, case):
     condition = Condition(text, Model(net, initial, SUMS if net is QUICK_LINE else {"tetra": {net.species[-1]: 1}}))
     if refused(method, net) or not method.takes_until:
         return
-    found = method.simulate(net, initial, end, runs=40, seed=27, until=condition)
-    again = method.simulate(net, initial, end, runs=12, seed=27, threads=1, first_run=9, until=condition)
+    found = method.first_times(net, initial, condition, end, runs=40, seed=27)
+    again = method.first_times(net, initial, condition, end, runs=12, seed=27, threads=1, first_run=9)
     assert_array_equal(again.times, found.times[9:21])
     assert (found.observed[~found.is_reached] == end).all()
     assert_array_equal(condition.holds(found.counts), found.is_reached)
@@ -227,9 +227,9 @@ def test_first_times_have_the_law_of_the_passage(method):
     net, initial = network(("A", "B"), {"pair": ((2, 0), (0, 1)), "back": ((0, 1), (2, 0))}, [0.1, 1.0]), [20, 0]
     if not method.takes_until:
         with pytest.raises(ValueError, match=rf"the method '{method.name}' takes no condition .*: use 'auto'"):
-            method.simulate(net, initial, np.inf, until="B >= 6")
+            method.first_times(net, initial, "B >= 6")
         return
-    found = method.simulate(net, initial, np.inf, runs=4000, seed=11, until="B >= 6")
+    found = method.first_times(net, initial, "B >= 6", runs=4000, seed=11)
     assert found.censored == 0
     assert_follows_cdf(found.times, first_passage(net, initial, "B", 6).cdf)
     with pytest.raises(AssertionError, match="the laws differ"):  # a back rate a third too large is seen
@@ -240,10 +240,10 @@ def test_first_times_have_the_law_of_the_passage(method):
 def test_conditions_at_the_start_never_and_wrong_ones(method):
     if not method.takes_until:
         return
-    there = method.simulate(decay(), [3], 5.0, runs=4, until=f"{decay().species[0]} >= 3")
+    there = method.first_times(decay(), [3], f"{decay().species[0]} >= 3", 5.0, runs=4)
     assert (there.times == 0).all()
     assert (there.counts == 3).all()
-    never = method.simulate(decay(), [3], np.inf, runs=4, until=f"{decay().species[0]} >= 4")
+    never = method.first_times(decay(), [3], f"{decay().species[0]} >= 4", runs=4)
     assert (never.censored, never.mean, never.median) == (4, np.inf, np.inf)
     for wrong, message in (
         ("Z >= 1", "unknown name 'Z'"),
@@ -251,7 +251,7 @@ def test_conditions_at_the_start_never_and_wrong_ones(method):
         ("t > 3", "the time t"),
     ):
         with pytest.raises(ValueError, match=message):
-            method.simulate(decay(), [3], 5.0, until=wrong)
+            method.first_times(decay(), [3], wrong, 5.0)
 
 
 @named
@@ -281,7 +281,7 @@ def test_nothing_left_to_happen(method):
 @named
 def test_stalled_clock_and_overflow_are_named(method):
     blow_up = network(("A",), {"burst": ((2,), (10**9,))}, [1.0])
-    with pytest.raises(TruncatedRunsError, match="run 0: events came so quickly that the clock stood still"):
+    with pytest.raises(TruncatedRunsError, match="run 0: events came so fast that the clock could not advance"):
         method.simulate(blow_up, [2], [100.0], runs=30, seed=1)
     with pytest.raises(TruncatedRunsError, match="run 4"):
         method.sample_path(blow_up, [2], 100.0, seed=1, run=4)
@@ -289,7 +289,7 @@ def test_stalled_clock_and_overflow_are_named(method):
     with pytest.raises(ValueError, match="run 0: a count went beyond"):
         method.simulate(growing, [1, 0], [1e3], runs=30)
     steep = network(("A",), {"one": ((1,), (0,))}, [1e300])
-    with pytest.raises(ValueError, match="or a propensity beyond 1e308"):
+    with pytest.raises(ValueError, match="or a propensity exceeded 1e308"):
         method.simulate(steep, [10**15], [1.0], runs=30)
 
 

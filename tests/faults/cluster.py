@@ -89,7 +89,7 @@ def _struck(victim: str, runs: int, scratch: Path) -> list[str]:
     found = [f"{path.name[:8]} is lost" for path in there if not path.exists() or path.read_bytes() != there[path]]
     if victim == "worker" and (driver.returncode or json.loads(said)["digest"] != study.digest):
         found.append(f"the study has not survived a lost worker: {errors[-300:]}")
-    if victim == "scheduler" and driver.returncode and "what was finished is kept" not in errors:
+    if victim == "scheduler" and driver.returncode and "finished runs are kept" not in errors:
         found.append(f"another error: {errors[-300:]}")
     return found + study.losses(store.folder, [path.stem for path in there], scratch)
 

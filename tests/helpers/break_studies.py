@@ -12,6 +12,7 @@ from kinetics.network import Network, Tank
 from kinetics.rates.breaks import BreakModel, Expansion, is_break
 from kinetics.runs import JumpPath
 from kinetics.sampling import sample_path
+from tests.helpers.expanded_paths import on_base
 
 TANK = Tank((2.0, 2.0, 3.0))
 JOIN = 2e-4
@@ -54,7 +55,7 @@ class KnownBreaks:
             tank = tanks[i % len(tanks)]
             expansion, network = made[tank]
             path = sample_path(network, CROWDS[(i // len(tanks)) % len(CROWDS)], end, seed=seed, run=i)
-            paths.append(expansion.on_base(JumpPath(network, path.initial, path.times, path.channels, end, tank=tank)))
+            paths.append(on_base(expansion, JumpPath(network, path.initial, path.times, path.channels, end, tank=tank)))
         return tuple(paths)
 
 

@@ -1,14 +1,13 @@
 """A scratch copy of the packages, in which a test adds a member by one file and one line and runs its contract."""
 
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
+
+from tests.mutation.judging import in_fork, pytest_in
 
 ROOT = Path(__file__).parents[2]
 COPIED = ("kinetics", "mechsim", "calibration", "tests/helpers", "tests/contracts")
-QUIETLY = ("-p", "no:cacheprovider", "-p", "no:hypothesispytest")  # which would import hypothesis; no contract uses it
+QUIETLY = ("-p", "no:hypothesispytest")  # which would import hypothesis; no contract uses it
 
 
 def scratch_copy(folder: Path) -> Path:
@@ -31,10 +30,13 @@ def add_line(file: Path, after: str, line: str) -> None:
     file.write_text("".join(lines), encoding="utf-8")
 
 
-def run_contract(copy: Path, contract: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run one contract of the copy in a process of its own, which imports the copy and nothing of the original."""
+def run_contract(copy: Path, contract: str, *arguments: str, plain: bool = False) -> tuple[int, str]:
+    """Run one contract of the copy in a fork, which imports the copy and nothing of the original.
+
+    Returns the exit code of pytest, and what it said.
+    plain : kernels are not compiled
+    """
     where = [copy / "tests" / "contracts" / contract, f"--rootdir={copy}", "-c", copy / "pyproject.toml"]
-    return subprocess.run(
-        [sys.executable, "-B", "-m", "pytest", "-q", *QUIETLY, *map(str, where), *arguments],
-        cwd=copy, env=os.environ | {"PYTHONPATH": str(copy)}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    command = [*QUIETLY, *map(str, where), *arguments]
+    outcome, code = in_fork(lambda: pytest_in(copy, command, plain), copy, 3600.0)
+    return code, outcome.said

@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -73,36 +74,39 @@ def run_tests(tree: Path, arguments: tuple[str, ...], seconds: float = 3600.0, p
     for name in (*LIBRARIES, "pytest", "_pytest.assertion.rewrite"):
         with suppress(ImportError):
             importlib.import_module(name)
-    # The fork has imported hypothesis before pytest could rewrite its assertions, which are none of ours.
-    quiet = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
-    command = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", *quiet, *arguments]
-    outcome, code = _in_fork(lambda: _pytest(tree, command, plain), tree, seconds)
+    command = ["-x", *arguments]
+    outcome, code = in_fork(lambda: pytest_in(tree, command, plain), tree, seconds)
     if code in (4, 5):  # what was asked for is no test; whatever else it says, a test has failed
         raise RuntimeError(f"pytest ended with {code}: {outcome.said}")
     return outcome
 
 
-def _pytest(tree: Path, command: list[str], plain: bool) -> int:
+def pytest_in(tree: Path, arguments: list[str], plain: bool) -> int:
+    """Run tests of a copy in this process, a fork, which forgets what it has imported of the project itself."""
     import numba
 
     numba.config.DISABLE_JIT = plain  # type: ignore[attr-defined]
-    for name in [
-        name for name in sys.modules if name.partition(".")[0] in ("tests", "kinetics", "mechsim", "calibration")
-    ]:
-        del sys.modules[name]
+    for name, module in list(sys.modules.items()):
+        file = Path(getattr(module, "__file__", None) or "/")
+        if file.is_relative_to(ROOT) and "site-packages" not in file.parts:
+            del sys.modules[name]
     os.chdir(tree)
     os.environ |= {"PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
     sys.path[:] = [str(tree), *(place for place in sys.path if Path(place or ".").resolve() != ROOT)]
     sys.dont_write_bytecode = True  # of a mutant
     import pytest
 
-    return int(pytest.main(command))
+    # The fork has imported hypothesis before pytest could rewrite its assertions, which are none of ours.
+    quiet = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
+    return int(pytest.main(["-q", "-n", "0", "-p", "no:cacheprovider", *quiet, *arguments]))
 
 
-def _in_fork(work: Callable[[], int], tree: Path, seconds: float) -> tuple[Outcome, int]:
+def in_fork(work: Callable[[], int], tree: Path, seconds: float) -> tuple[Outcome, int]:
     """What came of work in a child, and its exit code; minus the signal where one ended it."""
     said = tree / "said.txt"
-    child = os.fork()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # later Pythons warn where there are threads
+        child = os.fork()
     if not child:
         code = 70
         try:
@@ -110,6 +114,7 @@ def _in_fork(work: Callable[[], int], tree: Path, seconds: float) -> tuple[Outco
             out = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
             os.dup2(out, 1)
             os.dup2(out, 2)
+            sys.stdout, sys.stderr = (os.fdopen(number, "w", closefd=False) for number in (1, 2))
             limit = int(seconds) + 1
             resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
             code = work()
@@ -130,4 +135,4 @@ def _in_fork(work: Callable[[], int], tree: Path, seconds: float) -> tuple[Outco
         os.killpg(child, signal.SIGKILL)
     code = os.waitstatus_to_exitcode(status)
     text = said.read_text(encoding="utf-8", errors="replace") if said.exists() else ""
-    return Outcome(code == 0, used.ru_utime + used.ru_stime, text[-2000:]), code
+    return Outcome(code == 0, used.ru_utime + used.ru_stime, text[-4000:]), code

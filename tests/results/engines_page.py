@@ -214,7 +214,7 @@ def draw(found: pd.DataFrame, figure: Any) -> None:
         ax.set_yticks(places, here["quantity"], fontsize=6)
         ax.set_ylim(len(here), -1)
         ax.set_title(f"{name}: {tank.title}", fontsize=8, loc="left")
-    panels[-1].set_xlabel("own engine against PyBullet (%), 95 % interval")
+    panels[-1].set_xlabel("own engine minus PyBullet (%), 95 % interval")
 
 
 def written(text: str) -> str:

@@ -69,7 +69,7 @@ def growth_costs(book: RuleBook, seed: int) -> Floats:
     ValueError: the book names no target. RuntimeError: cubes and faces come to different letters.
     """
     if book.target is None:
-        raise ValueError(f"book {book.name!r} names no target that a growth could lead to; give it a [target]")
+        raise ValueError(f"book {book.name!r} has no target to grow to; give it a [target]")
     rng, grammar = np.random.default_rng(seed), FaceGrammar(book)
     free, start = book.monomer(), book.seed()
     starts = [start] if start is not None else [free] * (TARGETS * len(book.target))

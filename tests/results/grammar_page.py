@@ -169,23 +169,23 @@ def verdict() -> str:
     first, last = flat.index[[0, -1]]
     slopes = {name: shown(fitted(n, flat[name].to_numpy())) for name in flat}
     worst_case = (
-        f"**The claim holds in its worst case.** Where each of F bonds comes by itself and changes the letter, a "
-        f"cube writes F^({worst['cube writes']}) letters with one of its own and F^({worst['face writes']}) with one "
-        f"a face, as the paper says; F^({worst['face writes, open faces only']}), which is F (F + 1) / 2, if only "
-        f"faces that are still open are rewritten. The lines and the T are such cases, with F of at most 3."
+        f"**The claim holds in its worst case.** If each of F bonds forms separately and changes the letter, a cube "
+        f"writes F^({worst['cube writes']}) letters with one letter per cube and F^({worst['face writes']}) with "
+        f"one per face, as the paper says; F^({worst['face writes, open faces only']}), which is F (F + 1) / 2, if "
+        f"only open faces are rewritten. The lines and the T are such cases, with F of at most 3."
     )
     loops = (
         f"**In a structure with loops neither order is seen.** A cube of the pyramid bonds to all that it touches "
         f"at once, and most hosts keep their letter: it writes F^({ours['cube writes']}) letters as bonds form, "
-        f"against F^({ours['face writes']}) with one a face; in the compiled book F^({theirs['cube writes']}) and "
+        f"against F^({ours['face writes']}) with one per face; in the compiled book F^({theirs['cube writes']}) and "
         f"F^({theirs['face writes']}). That is O(1) against O(N), not O(N) against O(N²). The factor of F "
         f"between the two is there by construction."
     )
     waving = (
-        f"**Internal waves are the larger part, and the count of the paper leaves them out.** A cube that ends "
+        f"**Internal waves are the larger part, and the paper does not count them.** A cube that ends "
         f"with six bonds looks up {joins[0]:.1f} rules as bonds form and {waves[0]:.1f} in waves in pyramid45, "
-        f"{joins[1]:.1f} and {waves[1]:.1f} in the compiled book. Waves are how both books know that a stage is "
-        f"complete; how often one passes depends on the stages, not on F."
+        f"{joins[1]:.1f} and {waves[1]:.1f} in the compiled book. By waves both books detect that a stage is "
+        f"complete; how often a wave passes depends on the stages, not on F."
     )
     computing = (
         f"**The computer's time is spent elsewhere.** From {first} to {last} cubes a join goes from "
@@ -221,13 +221,15 @@ def figure() -> str:
     for name, mark in zip(FITTED, "os^", strict=True):
         those = costs().query("book == @name and F >= 2")
         label = "worst case" if name == "star" else name
-        ax.loglog(those["F"], those["face writes"], mark + "-", color="tab:red", label=f"{label}: a letter a face")
-        ax.loglog(those["F"], those["cube writes"], mark + "--", color="tab:blue", label=f"{label}: a letter a cube")
+        ax.loglog(those["F"], those["face writes"], mark + "-", color="tab:red", label=f"{label}: one letter per face")
+        ax.loglog(
+            those["F"], those["cube writes"], mark + "--", color="tab:blue", label=f"{label}: one letter per cube"
+        )
     ax.set_xticks(list(STARS), [str(n) for n in STARS])
     ax.set_yticks([1, 2, 5, 10, 20, 36], ["1", "2", "5", "10", "20", "36"])
     ax.minorticks_off()
-    ax.set_xlabel("F, faces of a cube that are bonded in the end")
-    ax.set_ylabel("letters written as they bond, mean of a cube")
+    ax.set_xlabel("F, bonded faces of a cube in the finished structure")
+    ax.set_ylabel("letters written as bonds form, mean per cube")
     ax.legend(fontsize=8)
     with mpl.rc_context({"svg.hashsalt": "grammar"}):
         text = io.StringIO()

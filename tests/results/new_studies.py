@@ -42,8 +42,9 @@ def made_for_new(study: Study) -> str:
     got, all_breaks = half_width([min(joins), breaks])
     return paragraph(
         f"The {known['runs']} calibration runs took {known['cpu_seconds'] / 60:.1f} min of CPU time, and "
-        f"{known['runs_left_out'] or 'none'} had to be left out. They hold {sum(joins)} joins, at least {min(joins)} a "
-        f"channel, and {breaks} breaks: half-widths of {got:.0%} or less for joins, and {all_breaks:.0%} for all "
-        f"breaks together. Without a run that held the reactants: {listed(prior) if prior else 'none'}. "
+        f"{known['runs_left_out'] or 'none'} had to be left out. They contain {sum(joins)} joins, at least "
+        f"{min(joins)} per channel, and {breaks} breaks: half-widths of {got:.0%} or less for joins, and "
+        f"{all_breaks:.0%} for all "
+        f"breaks together. Channels whose reactants no run held: {listed(prior) if prior else 'none'}. "
         f"The {sum(row['runs'] for row in study.summaries)} held-out runs took {held / 60:.1f} min."
     )

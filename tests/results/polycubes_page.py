@@ -60,13 +60,13 @@ def verdict(rows: Rows) -> str:
     said = listed([f"{number} with {count}" for count, number in sorted(letters.items())])
     there_are = (
         f"**{len(books)} of {len(there)} shapes of two cubes and more have a book**, {outcomes['infeasible']} are "
-        f"shown to have none of the kind searched, whatever the senses{f' ({_sizes(none)} cubes)' if none else ''}, "
-        f"and {outcomes['undecided'] + outcomes['ended']} were not decided within their steps or time."
+        f"proven to have none of the kind searched, with any senses{f' ({_sizes(none)} cubes)' if none else ''}, "
+        f"and {outcomes['undecided'] + outcomes['ended']} were not decided within the allowed steps or time."
     )
     few = (
-        f"**Few letters do**, the free cube's included: {said}. In {len(proven)} of the {len(books)} books they are "
-        "proven the fewest of the kind that the compiler searches, for its senses and with its cubes so turned; in the "
-        "others fewer were not decided."
+        f"**Few letters suffice**, the free cube's included: {said}. In {len(proven)} of the {len(books)} books "
+        f"they are proven the fewest of the kind that the compiler searches, for these senses and orientations; for "
+        f"the others it is not decided whether fewer suffice."
     )
     costs = (
         f"**What it costs**: CPU time of {median(cpu):.2g} s for the median shape "
@@ -95,8 +95,8 @@ def _mirrors(rows: Rows) -> str:
     ]
     same = sum((a.outcome, a.letters, a.senses) == (b.outcome, b.letters, b.senses) for a, b in pairs)
     return (
-        f"**Mirror images**: {len(pairs)} pairs are in the table, each shape compiled by itself; {same} came to the "
-        "same outcome, letters and senses on both sides."
+        f"**Mirror images**: {len(pairs)} pairs are in the table, each shape compiled separately; in {same} both "
+        f"shapes have the same outcome, letters and senses."
     )
 
 
@@ -150,12 +150,12 @@ def why(row: Row) -> str:
     if row.outcome == "infeasible":
         if "it takes more than" in row.reason:
             return (
-                "it takes more letters than were allowed, or cubes cannot tell apart what must join and what must not"
+                "it takes more letters than were allowed, or cubes cannot distinguish what must join from what must not"
             )
-        return "some meeting that must not join looks to the cubes like one that must, whatever they sense"
+        return "some meeting that must not join looks to the cubes like one that must, with any senses"
     if "not decided within" in row.reason:
-        return f"{CPU_LIMIT:g} CPU s ended the work"
-    return "some senses were not decided in the steps allowed, and the others do not do"
+        return f"{CPU_LIMIT:g} CPU s were used up"
+    return "some senses were not decided in the steps allowed, and the others do not suffice"
 
 
 def made(rows: Rows) -> str:
@@ -175,7 +175,7 @@ def made(rows: Rows) -> str:
             else ""
         )
         + drawn
-        + f"Of the steps that `compile` usually takes at most: {efforts}; CPU time of a compilation: at most "
+        + f"Share of the steps that `compile` takes by default: {efforts}; CPU time of a compilation: at most "
         f"{CPU_LIMIT:g} s. Yields: {CUBES} free cubes at time 0 in a tank of 2 x 2 x 3, "
         f"every pair of faces that may join does so at {JOIN:.0e} a tu and every bond breaks at "
         f"{BREAK:.0e} (`wellmixed rules rank BOOK --join {JOIN:.0e} --break {BREAK:.0e}`); up to {MAX_STATES:,} states "

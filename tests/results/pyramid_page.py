@@ -136,7 +136,7 @@ def growth() -> str:
     titles = ("", "seen", "predicted (95 %)", "times inside", "p", *(f"{name} (p)" for name in BESIDE.values()))
     words = (
         f"{judge['runs']} held-out runs beside predicted groups of as many, curves at 400 tu. Rates of jacks and "
-        f"pyramids that know places, {judge['groups']} groups: {_bare(judge['verdict'])}."
+        f"pyramids by number touched, {judge['groups']} groups: {_bare(judge['verdict'])}."
     )
     for name, other in zip(BESIDE.values(), others, strict=True):
         words += f" {name}, {other['groups']} groups: {_bare(other['verdict'])}."

@@ -76,8 +76,8 @@ def made(study: Study) -> str:
     wanted = re.search(r"(\d+) events a join channel and (\d+) breaks", study.plan.purpose)
     return paragraph(
         f"The {known['runs']} calibration runs took {known['cpu_seconds'] / 60:.0f} min of CPU time; "
-        f"{known['runs_left_out'] or 'none'} had to be left out. They hold {sum(joins):,} joins, at least {min(joins)} "
-        f"a channel (the plan hoped for {wanted[1]}), and {breaks} breaks (hoped for: {wanted[2]}). "
+        f"{known['runs_left_out'] or 'none'} had to be left out. They contain {sum(joins):,} joins, at least "
+        f"{min(joins)} per channel (planned: {wanted[1]}), and {breaks} breaks (planned: {wanted[2]}). "
         f"{added[0] if added else ''}"
     )
 
@@ -96,7 +96,7 @@ def rate_table(study: Study) -> str:
                 f"{1e5 * row['rate'] * ways:.1f}", f"{1e5 * theirs.rate * theirs.ways:.1f}",
             )
         )  # fmt: skip
-    titles = ("channel", "ways", "rate (1e-5/tu)", "95 % interval", "events")
+    titles = ("channel", "N", "rate (1e-5/tu)", "95 % interval", "events")
     return table((*titles, "k·N per combination", "paper's, as read in `table3`"), rows)
 
 
@@ -109,7 +109,7 @@ def channel_table(study: Study) -> str:
         )
         for row in study.stored("calibration.json")["channels"]
     ]  # fmt: skip
-    return table(("channel", "ways", "rate (1e-5/tu)", "95 % interval", "events"), rows)
+    return table(("channel", "N", "rate (1e-5/tu)", "95 % interval", "events"), rows)
 
 
 def who_broke(study: Study) -> str:
@@ -120,7 +120,7 @@ def who_broke(study: Study) -> str:
         names = {BY_WALL: "a wall", BY_SEVERAL: "several partners at once"} | named
         counts.update(names[partner] for partner in arrays["partners"].tolist() if partner != NO_BREAK)
     told = [f"{n} by {name}" for name, n in counts.most_common()]
-    return paragraph(f"Of the {sum(counts.values())} breaks of all runs {listed(told)}.")
+    return paragraph(f"Of the {sum(counts.values())} breaks in all runs, {listed(told)}.")
 
 
 def model_table(study: Study) -> str:
@@ -133,7 +133,7 @@ def model_table(study: Study) -> str:
         )
         for row in pd.read_csv(study.folder / "calibration_breaks.csv").to_dict("records")
     ]  # fmt: skip
-    titles = ("break model", "free parameters", "AIC above the least", "log score", "deviance (df)", "p of it")
+    titles = ("break model", "free parameters", "AIC above the smallest", "log score", "deviance (df)", "p of it")
     return table((*titles, "shape [95 %]"), rows)
 
 
@@ -144,7 +144,7 @@ def reason(study: Study) -> str:
     shape = study.rates.breaks.shape
     if "wall" in shape and study.plan.name == "line4":
         share = [shape["wall"] / (shape["wall"] + (n - 1) * 4 ** shape["alpha"]) for n in (15, 30)]
-        text += f" In a tank of 15 lines of four the walls make {share[0]:.0%} of the breaks, in one of 30 "
+        text += f" In a tank of 15 lines of four the walls cause {share[0]:.0%} of the breaks, in one of 30 "
         text += f"{share[1]:.0%}."
     return paragraph(text)
 
@@ -183,8 +183,8 @@ def pairs(study: Study) -> str:
             breaks += len(times)
             together += sum(later == earlier for earlier, later in pairwise(times))
     return paragraph(
-        f"Of the {breaks} breaks {together} come in the same step as the one before: one collision breaks both "
-        "partners. The chain has no such reaction, so its counts of breaks scatter a little less than they should."
+        f"Of the {breaks} breaks, {together} happen in the same step as the one before: one collision breaks both "
+        f"partners. The chain has no such reaction, so its counts of breaks scatter slightly too little."
     )
 
 
@@ -204,8 +204,16 @@ def doubts(found: dict[str, Any]) -> str:
     if not failed:
         return f"none of {len(tested)} tests fails."
     worst = {row["test"]: row for row in reversed(failed)}
-    told = [f"of `{row['test']}` least likely, {row['channel']}: {row['seen']}" for row in reversed(worst.values())]
-    return f"{len(failed)} of {len(tested)} tests fail; {'; '.join(told)}."
+    told = [
+        f"The least likely result of `{row['test']}` is for {row['channel']}: {in_prose(row['seen'])}."
+        for row in reversed(worst.values())
+    ]
+    return f"{len(failed)} of {len(tested)} tests fail. {' '.join(told)}"
+
+
+def in_prose(seen: str) -> str:
+    """A stored result of a diagnostic as a sentence of a page."""
+    return seen.replace(", same pieces where", " by the same two parts, where")
 
 
 # What the held-out runs showed
@@ -239,7 +247,7 @@ def rules(study: Study) -> str:
     """The plan's rules, and what came."""
     words = {True: "holds", False: "**fails**", None: "cannot be judged"}
     found = study.stored("validation.json")["rules"]
-    return table(("rule", "", "what came"), [(row["rule"], words[row["is_cleared"]], row["came"]) for row in found])
+    return table(("rule", "", "result"), [(row["rule"], words[row["is_cleared"]], row["came"]) for row in found])
 
 
 def verdict(study: Study) -> str:
@@ -256,11 +264,11 @@ def missed(study: Study) -> str:
     if off.empty:
         return "No row misses its rule."
     told = [
-        f"{row['group']} of {row['size']} come {row['seen'] / row['expected']:.4f} times as often as expected "
+        f"{row['group']} of {row['size']} are {row['seen'] / row['expected']:.4f} times as frequent as expected "
         f"(p = {row['p']:.2g})"
         for row in off.to_dict("records")
     ]
-    return paragraph(f"The rule from {allowed[0]:g} to {allowed[1]:g} is missed where {listed(told)}.")
+    return paragraph(f"The rule from {allowed[0]:g} to {allowed[1]:g} is missed: {listed(told)}.")
 
 
 def several(study: Study) -> str:
@@ -306,7 +314,7 @@ def summary_table(study: Study) -> str:
     """Counts over time, first lines and costs, a line a size."""
     rows = []
     for row in study.summaries:
-        spread = "not solved for" if row["first_sd"] is None else f"{row['first_sd']:.0f}"
+        spread = "not solved" if row["first_sd"] is None else f"{row['first_sd']:.0f}"
         exact = "" if row["cpu_exact_s"] is None else f"; {row['cpu_exact_s']:.2g}"
         rows.append(
             (
@@ -342,14 +350,14 @@ def beside_the_paper(study: Study) -> str:
         for n, point in points[points["paper_median"].notna()].iterrows()
     ]
     line = (
-        f"The first line of {row['runs']} runs of 60 cubes comes at {row['first_observed']:.0f} tu (95 %: "
-        f"{row['first_low']:.0f} to {row['first_high']:.0f}) in our mechanics, where the paper has "
-        f"{PAPER_FIRST_LINE['mechanics']}, and at {row['first_predicted']:.0f} tu by prediction, where it has "
-        f"{PAPER_FIRST_LINE['Gillespie']}. The pace of the first join was fitted."
+        f"The first line of {row['runs']} runs of 60 cubes forms at {row['first_observed']:.0f} tu (95 %: "
+        f"{row['first_low']:.0f} to {row['first_high']:.0f}) in our mechanics (paper: "
+        f"{PAPER_FIRST_LINE['mechanics']}), and at {row['first_predicted']:.0f} tu by prediction (paper: "
+        f"{PAPER_FIRST_LINE['Gillespie']}). The rate of the first join was fitted."
     )
     first_t = (
-        f"First Ts (section V, `results/section5`, measured under physics 1) come later than the paper's: by the 95 % "
-        f"limits of our medians {' and '.join(late)} cubes."
+        f"First Ts (section V, `results/section5`, measured under physics 1) form later than the paper's: by the 95 "
+        f"% intervals of our medians {' and '.join(late)} cubes."
     )
     speeds = pd.read_csv(ROOT / "results" / "section5" / "velocity_points.csv")
     off = (speeds["speed"] / speeds["paper_speed"] - 1).abs().max()
@@ -359,10 +367,10 @@ def beside_the_paper(study: Study) -> str:
     )
     ratios = papers_rates(study).values()
     estimator = (
-        f"The paper's estimator (its eqs 12 to 15: means of waiting times, of which it drops the censored one) reads "
-        f"rates {min(ratios):.2f} to {max(ratios):.2f} times ours off the calibration runs "
-        "(`tests/results/paper_estimator.py`). "
-        "It maximises no likelihood, is biased and has no intervals, so it is used for nothing else."
+        f"The paper's estimator (its eqs 12 to 15: means of waiting times, without the censored one) gives rates "
+        f"{min(ratios):.2f} to {max(ratios):.2f} times ours on the calibration runs "
+        f"(`tests/results/paper_estimator.py`). It maximises no likelihood, is biased and has no intervals, so it "
+        f"is used for nothing else."
     )
     return bullets([line, first_t, speed, estimator])
 

@@ -45,7 +45,7 @@ QUICK = ("l3", "line4", "corner", "plate2x2")
 NOTES = {
     "line4": "the paper uses 4",
     "t5": "the paper uses 4",
-    "cube4": "with these senses, which were asked for",
+    "cube4": "with these senses, which were requested",
     "pyramid45": "our own book by hand: 7",
 }
 SENSES = {"cube4": Senses(faces="six", roll=True)}  # asked for, where weaker ones take long to decide
@@ -110,7 +110,7 @@ def filled(page: str, found: dict[str, dict[str, Any]]) -> str:
 def _row(name: str, found: dict[str, Any]) -> tuple[str, ...]:
     if "outcome" in found:
         steps = f" with {EFFORTS[name]:g} of the usual steps" if name in EFFORTS else ""
-        ruled = f"{found['senses_ruled_out']} of {len(LADDER)} kinds are proven not to do"
+        ruled = f"{found['senses_ruled_out']} of {len(LADDER)} combinations of senses are proven insufficient"
         return TARGETS[name], f"{found['outcome']}{steps}; {found['remedy']}", ruled, "", "", ""
     notes = [*([] if found["is_fewest"] else ["not shown to be the fewest"]), *([NOTES[name]] if name in NOTES else [])]
     channels, claims = "grown from a seed", "no certificate"

@@ -93,7 +93,7 @@ def test_books_without_a_grammar_are_refused():
     for semantics in (Semantics(update="sequential"), Semantics(gate="any")):
         with pytest.raises(ValueError, match="gate mutual, update synchronous"):
             FaceGrammar(replace(T5, semantics=semantics))
-    with pytest.raises(ValueError, match="names no target"):
+    with pytest.raises(ValueError, match="has no target"):
         growth_costs(replace(T5, target=None), 0)
     with pytest.raises(ValueError, match="n_faces = 7"):
         star_book(7)

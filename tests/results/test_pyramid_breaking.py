@@ -27,7 +27,7 @@ def lost(found):
 
 @pytest.mark.validate
 def test_what_is_lost_can_be_rebuilt():
-    """Every cube of every structure can come home. The control: where a seed does not wait for its arm again, some not.
+    """Every cube of every structure can end in the target. Control: if seeds do not wait for their arms, some cannot.
 
     `rules check`, behind --validate below, finds no fault at all.
     """

@@ -35,7 +35,7 @@ def faults() -> str:
     return (
         "a study struck by kills, failing disks, power failures, rivals, clocks and lost clusters: "
         f"{made} of {possible} possible tries made, {losses} runs or files lost; {caught} of {len(controls)} "
-        "stores that are wrong on purpose caught"
+        f"deliberately faulty stores caught"
     )
 
 
@@ -45,8 +45,8 @@ def fuzzed() -> str:
     kinds = ", ".join(sorted({name.split()[0] for name in found["counts"]}))
     older = "" if found["generators"] == generators() else ", made by an older generator"
     return (
-        f"{found['inputs']:,} random inputs ({kinds}) read or refused in 10 s and 300 MB, but for "
-        f"{len(found['failures'])}; {len(found['mended'])} more did harm once and do none now{older}. "
+        f"{found['inputs']:,} random inputs ({kinds}) read or refused in 10 s and 300 MB, all but "
+        f"{len(found['failures'])}; {len(found['mended'])} more that once did harm do none now{older}. "
         f"{hostile['inputs']:,} hostile .bngl and .ant files, of which {len(hostile['failures'])} could create, change "
         f"or read a file; {hostile['run']:,} were run by BioNetGen or Antimony"
     )
@@ -63,23 +63,25 @@ def mutated() -> str:
         scores.append(f"{room.name} {score.of('killed')} of {len(score.verdicts) - score.of('accepted')}{older}")
         spared += score.of("accepted")
     return (
-        "small changes of the code, drawn by chance, that a test sees, now that those that lived at first have tests: "
-        f"{', '.join(scores)}; {spared} more change no answer, each with its reason in `tests/mutation/rooms.toml`"
+        "random small changes of the code that a test detects, after tests were added for those that were missed at "
+        f"first: {', '.join(scores)}; {spared} more change no answer, each with its reason in "
+        "`tests/mutation/rooms.toml`"
     )
 
 
 def known() -> str:
     """The mutants that once lived."""
     fates = list(told(KNOWN).values())
-    return f"{fates.count('killed')} of {len(fates)} changes that no test saw once are seen"
+    return f"{fates.count('killed')} of {len(fates)} changes that tests once missed are detected"
 
 
 def proven() -> str:
     """Limits against exact fractions."""
     found = told(FRACTIONS)
     return (
-        f"{found['proven']:,} limits called proven, of {found['chains']:,} random chains, against exact fractions: "
-        f"{found['outside']} off, the widest {found['widest']:.0e} of its value; {found['doubles_outside']:,} answers "
+        f"{found['proven']:,} bounds reported as proven, for {found['chains']:,} random chains, against exact "
+        f"fractions: {found['outside']} wrong, the widest {found['widest']:.0e} of its value; "
+        f"{found['doubles_outside']:,} answers "
         "by LU in doubles lie outside"
     )
 

@@ -32,7 +32,7 @@ class Ages(SpreadDiagnostic):
 
     name = "age"
     question = "Is a rate the same just after a start or restart as later?"
-    single = "all its exposure is in one class of ages"
+    single = "all its exposure falls into one class of ages"
     remedy = "what reacts is not mixed at the start: try the weibull model, or leave out the first time of each run"
     measured = (
         "size 5.7 % at a level of 5 %; power .88 where the rate is half as large again in the first 2 tu, at 650 events"

@@ -106,11 +106,11 @@ class Diagnostic(ABC):
 
     @abstractmethod
     def results(self, diagnosed: DiagnosedRuns) -> list[DiagnosticResult]:
-        """One or more a channel, in the network's order."""
+        """One or more results a channel, in the network's order."""
 
 
 class Judged(NamedTuple):
-    """What one test of one channel gives; the fields are those of a `DiagnosticResult`."""
+    """The result of one test of one channel, by the fields of a `DiagnosticResult`."""
 
     statistic: float
     p_value: float
@@ -142,4 +142,4 @@ class ChannelDiagnostic(Diagnostic):
 
     @abstractmethod
     def judge(self, diagnosed: DiagnosedRuns, channel: int) -> Judged | str:
-        """What the runs say of one channel that fired, or why they cannot say it."""
+        """The result for one channel that fired, or the reason why there is none."""

@@ -29,7 +29,7 @@ class BetweenRuns(SpreadDiagnostic):
     name = "runs"
     question = "Is a rate the same in all runs?"
     by_expected = False
-    single = "one run alone could fire it"
+    single = "only one run could fire it"
     remedy = "runs differ by more than chance: look for a setting that they do not share, and calibrate at each value"
     measured = (
         "size 5.3 % at a level of 5 %; power .77 where half of 10 runs have a rate 35 % above the others, at 650 events"

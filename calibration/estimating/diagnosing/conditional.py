@@ -46,7 +46,7 @@ class Multinomial:
         return rng.multinomial(self.n, self.share, size=size)
 
     def log_ratio(self, counts: Ints) -> Floats:
-        """Of its probability to the null's."""
+        """Logarithm (size,) of the ratio of its probability to the null's."""
         return np.asarray(counts @ self.log)
 
 
@@ -62,7 +62,7 @@ class DirichletMultinomial:
         return rng.multinomial(self.n, rng.dirichlet(self.alpha, size=size))
 
     def log_ratio(self, counts: Ints) -> Floats:
-        """Of its probability to the null's."""
+        """Logarithm (size,) of the ratio of its probability to the null's."""
         whole = self.alpha.sum()
         rising = (special.gammaln(counts + self.alpha) - special.gammaln(self.alpha)).sum(axis=1)
         return np.asarray(
@@ -83,7 +83,7 @@ class Spacings:
         return np.asarray(drawn / drawn.sum(axis=1, keepdims=True))
 
     def log_ratio(self, gaps: Floats) -> Floats:
-        """Of its density to the null's."""
+        """Logarithm (size,) of the ratio of its density to the null's."""
         of_shape = special.gammaln(self.n * self.shape) - self.n * special.gammaln(self.shape) - special.gammaln(self.n)
         return np.asarray(of_shape + (self.shape - 1) * np.log(gaps).sum(axis=1))
 
@@ -100,7 +100,7 @@ class Independent:
         return np.concatenate([table.draw(rng, size) for table in self.tables], axis=1)
 
     def log_ratio(self, counts: Ints) -> Floats:
-        """Of its probability to the null's."""
+        """Logarithm (size,) of the ratio of its probability to the null's."""
         parts = np.split(counts, self.ends[:-1], axis=1)
         return np.sum([table.log_ratio(part) for table, part in zip(self.tables, parts, strict=True)], axis=0)
 

@@ -23,7 +23,7 @@ class Crowds(TrendDiagnostic):
     """
 
     name = "crowd"
-    question = "Is a rate the same among many bodies and among few?"
+    question = "Is a rate the same among many bodies as among few?"
     single = "there were {value} whenever it could fire"
     measured = (
         "size 4.6 % at a level of 5 %; "

@@ -40,7 +40,7 @@ class Clocked(NamedTuple):
         return self.level * self.elapsed(self.stretches.begin, self.stretches.end)
 
     def passed_between(self, begin: Floats, end: Floats) -> Floats:
-        """The same in the part of each stretch that lies from `begin` to `end`, (E + 1,)."""
+        """Integrated hazard (E + 1, R) in the part of each stretch that lies between `begin` and `end` (E + 1,), tu."""
         first = np.clip(begin, self.stretches.begin, self.stretches.end)
         last = np.clip(end, first, self.stretches.end)
         return self.level * self.elapsed(first, last)
@@ -123,7 +123,7 @@ class DiagnosedRuns:
 
     @property
     def matter(self) -> str:
-        """What `amount` counts."""
+        """The name of the matter that `amount` counts."""
         return next(iter(self.network.conserved)) if len(self.network.conserved) == 1 else "copies"
 
     def grouped(self, groups: Sequence[Ints], n: int) -> tuple[Ints, Floats]:

@@ -22,7 +22,7 @@ from kinetics.support.shown import ResultTable, Shown, on_axes
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LOOK_CLOSER = "look at shorter intervals before you judge"
+LOOK_CLOSER = "observe at shorter intervals before judging"
 LEVEL = 0.01  # chance of one or more false alarms among all tests
 
 
@@ -79,7 +79,7 @@ class Diagnosis(Shown):
 
     @property
     def verdict(self) -> str:
-        """What the runs say against the model of rates, in a sentence."""
+        """A sentence on the evidence of the runs against the model of rates."""
         tested = self.tested
         if not tested:
             return "Nothing could be tested: there are too few events or runs."
@@ -100,7 +100,7 @@ class Diagnosis(Shown):
             if failed:
                 worst = failed[0]
                 others = f", and {len(failed) - 1} more" if len(failed) > 1 else ""
-                what = "perhaps coarse looks alone" if self.looks.channels else "doubtful"
+                what = "perhaps only because looks are coarse" if self.looks.channels else "doubtful"
                 words = f"{what} ({worst.title}{others}): {worst.seen}; {worst.remedy}"
             elif tested:
                 words = f"nothing seen in {len(tested)} tests; least likely {tested[0].title}: {tested[0].seen}"

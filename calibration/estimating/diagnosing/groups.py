@@ -113,7 +113,7 @@ class TrendDiagnostic(ChannelDiagnostic):
 
     @abstractmethod
     def unit(self, diagnosed: DiagnosedRuns) -> str:
-        """What the quantity counts."""
+        """The unit that the quantity counts."""
 
     @abstractmethod
     def remedy(self, diagnosed: DiagnosedRuns, channel: int) -> str:

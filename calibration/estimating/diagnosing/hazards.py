@@ -60,7 +60,7 @@ def _of_mass_action(network: Network, tank: Tank | None) -> Hazard:
 
 
 def _of_rates(rates: Rates, network: Network, tank: Tank | None) -> Hazard:
-    """Where breaks have partners, the hazards of all channels by which a structure breaks add up."""
+    """The hazards of channels; those by which one structure breaks are summed if breaks have partners."""
     expansion = rates.expansion(network)
     known = expansion.base.known_rates
     constants = expansion.constants(np.where(known > 0, known, 1.0), rates.breaks.weights(expansion.base))

@@ -34,7 +34,7 @@ class Sizes(TrendDiagnostic):
         return [np.full(c.path.times.size + 1, diagnosed.amount(c.path.initial[None])[0]) for c in diagnosed.clocked]
 
     def unit(self, diagnosed: DiagnosedRuns) -> str:
-        """What is conserved."""
+        """The unit of the conserved quantity."""
         return diagnosed.matter
 
     def remedy(self, diagnosed: DiagnosedRuns, channel: int) -> str:

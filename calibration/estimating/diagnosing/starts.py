@@ -26,7 +26,7 @@ class Starts(SpreadDiagnostic):
 
     name = "start"
     question = "Is a rate the same whatever the runs start from?"
-    single = "one initial composition alone could fire it"
+    single = "only one initial composition could fire it"
     remedy = (
         "the rate depends on the composition: try the crowded model for joins, and "
         "`calibrate --break-model collision` for breaks"

@@ -62,7 +62,7 @@ def _claims(book: RuleBook, target: Structure, said: Mapping[str, Any], most_ste
     yield CheckedClaim("the certificate is of this book", said["fingerprint"] == book.fingerprint)
     yield CheckedClaim(f"the book has {letters} letters", letters == len(book.letters))
     correct = check(book).is_correct
-    yield CheckedClaim("the book makes the target and parts of it, and every cube can come home", correct)
+    yield CheckedClaim("the book makes the target and parts of it, and every cube can still end in the target", correct)
     if not correct:
         return
     pieces, derived = Pieces(target, book.senses), derive(book)

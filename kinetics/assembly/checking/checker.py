@@ -13,7 +13,7 @@ from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Structure
 
 MORE_IN_WAVES = 10  # times as many structures may be found in the middle of waves as at rest
-SLOW = "slow internal waves: "
+SLOW = "delayed state updates: "
 LEFT_OUT = "left out"
 
 
@@ -57,9 +57,9 @@ def report_of(index: ExplorationIndex, slow_waves: bool = True) -> Report:
         slow = (finding for finding in seen if finding.kind not in known)
         findings += [replace(finding, kind=SLOW + finding.kind, is_error=False) for finding in slow]
         part = "" if apart.is_closed else " in part"
-        waves = f"explored{part}: {len(apart.structures)} structures, those in the middle of waves among them"
+        waves = f"explored{part}: {len(apart.structures)} structures, including those between two updates"
     if found.is_closed:
-        findings += _idle(book, found.structures, " while waves come to rest at once" if waves == LEFT_OUT else "")
+        findings += _idle(book, found.structures, " if state updates finish at once" if waves == LEFT_OUT else "")
     findings.sort(key=lambda finding: not finding.is_error)
     return Report(book, len(found.structures), len(found.events), tuple(findings), recoverability, waves)
 
@@ -70,14 +70,14 @@ def _why_no_waves(found: Exploration, slow_waves: bool) -> str:
         return "none, as there are no internal rules"
     if not slow_waves:
         return LEFT_OUT
-    return "" if found.is_closed else "left out, as not even the settled structures are all known"
+    return "" if found.is_closed else "left out, as even the settled structures are not all known"
 
 
 def _idle(book: RuleBook, structures: Iterable[Structure], when: str) -> Iterable[Finding]:
     """Rules that never act, or not while nothing else was explored; letters that never occur."""
     for rule in book.all_rules:
         if rule.rule not in book.fired:
-            text = f"rule {rule.rule} never acts{when}; leave it out, or check what it asks"
+            text = f"rule {rule.rule} never acts{when}; leave it out, or check its conditions"
             yield Finding("unreachable rule", False, text)
     seen = {letter for structure in structures for letter in structure.letters}
     for letter in book.letters:

@@ -98,7 +98,7 @@ class ExplorationIndex:
         lost = {cube.structure for cube in self.lost}
         for kind, which, text in (
             ("dead end", lost - active, "structures can neither grow nor break"),
-            ("trap", lost & active, "structures hold a cube that changes on but never becomes part of the target"),
+            ("trap", lost & active, "structures hold a cube that keeps changing but never becomes part of the target"),
         ):
             if which:
                 nearest = min(which, key=lambda n: (self.costs[n], len(self.found.structures[n])))
@@ -114,7 +114,7 @@ class ExplorationIndex:
         tight = self.found.squeezed
         if tight:
             event = min(tight, key=lambda e: sum(self.costs[n] for n in e.before))
-            text = f"{len(tight)} joins put a cube between two opposite ones, where it hardly gets in; the nearest"
+            text = f"{len(tight)} joins squeeze a cube in between two others; the nearest"
             yield self.at_event("squeezed", False, text, event)
 
     @cached_property

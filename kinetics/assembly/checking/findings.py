@@ -20,12 +20,10 @@ class Finding:
     """One fault of a rule book.
 
     kind : `not closed`, `not proven`, `livelock`, `target not reached`, `target not final`, `off-target`, `dead end`,
-        `trap`, `starvation`, `squeezed`, `unreachable rule`, `unused letter`; preceded by `slow internal waves: ` if
-        it occurs only where internal rules are slower than collisions
-    is_error : whether the book is wrong; otherwise it is a warning
-    steps : the shortest sequence of events that leads to the fault, in words
-    structure : the structure at its end
-    changes : the same events with their structures
+    `trap`, `starvation`, `squeezed`, `unreachable rule`, `unused letter`; preceded by `delayed state updates: ` if it
+    occurs only where internal rules are slower than collisions is_error : whether the book is wrong; otherwise it is a
+    warning steps : the shortest sequence of events that leads to the fault, in words structure : the structure at its
+    end changes : the same events with their structures
     """
 
     kind: str
@@ -71,7 +69,7 @@ class Recoverability(NamedTuple):
 class Report:
     """The findings about a book, errors first, how much was explored, and for which tanks.
 
-    waves : whether collisions in the middle of slow internal waves were explored, or why not, in words
+    waves : whether collisions between delayed state updates were explored, or why not, as text
     """
 
     book: RuleBook
@@ -96,8 +94,9 @@ class Report:
         )
 
     def __str__(self) -> str:
-        """For people: the summary, for which tanks it holds, what was done about slow waves, then each finding."""
-        said = [self.summary, f"coming home: {self.recoverability.text}", f"slow internal waves: {self.waves}"]
+        """For people: the summary, for which tanks it holds, whether delayed state updates were explored, then each
+        finding."""
+        said = [self.summary, f"recoverability: {self.recoverability.text}", f"delayed state updates: {self.waves}"]
         return "\n".join([*said, *map(str, self.findings)])
 
     @on_axes

@@ -26,8 +26,8 @@ def lost_cubes(
     progress : called with the numbers of events followed and of all
     """
     sources = sources_of_cubes(found, progress)
-    home = leading_to([cube for cube in sources if cube.structure in targets], sources)
-    return sorted(set(sources) - home)
+    recoverable = leading_to([cube for cube in sources if cube.structure in targets], sources)
+    return sorted(set(sources) - recoverable)
 
 
 def falling_apart(events: Iterable[StructureEvent], into: Mapping[int, int]) -> dict[int, int]:
@@ -54,26 +54,26 @@ def finished(events: Iterable[StructureEvent], free: int, targets: Set[int]) -> 
     Partners are made of free cubes, and whatever is left on the way must be finished too.
     """
     every = list(events)
-    made, home = {free}, {free, *targets}
+    made, recoverable = {free}, {free, *targets}
     while True:
         more_made = {
             after
             for event in every
             if made.issuperset(event.before)
             for n, after in enumerate(event.after)
-            if home.issuperset(event.after[:n] + event.after[n + 1 :])
+            if recoverable.issuperset(event.after[:n] + event.after[n + 1 :])
         } - made
-        more_home = {
+        more_recoverable = {
             before
             for event in every
-            if home.issuperset(event.after)
+            if recoverable.issuperset(event.after)
             for n, before in enumerate(event.before)
             if made.issuperset(event.before[:n] + event.before[n + 1 :])
-        } - home
-        if not more_made and not more_home:
-            return home
+        } - recoverable
+        if not more_made and not more_recoverable:
+            return recoverable
         made |= more_made
-        home |= more_home
+        recoverable |= more_recoverable
 
 
 def scope(found: Exploration, seed: int | None, targets: Set[int], is_makeable: Callable[[], bool]) -> Scope:

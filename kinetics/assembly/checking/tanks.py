@@ -21,7 +21,7 @@ def in_tanks(index: ExplorationIndex) -> tuple[Recoverability, list[Finding]]:
     found, targets = index.found, index.targets
     if not targets or not found.is_closed:
         return Recoverability(
-            "nothing", (), "not examined, because there is no target, or no end to what can be assembled"
+            "nothing", (), "not examined, because there is no target, or structures grow without bound"
         ), []
     if index.lost:
         return Recoverability("nothing", (), "no: some cubes never become part of a target"), []
@@ -58,7 +58,7 @@ def in_tanks(index: ExplorationIndex) -> tuple[Recoverability, list[Finding]]:
     shown = (
         "none of which starves"
         if not starved
-        else "the last of which never gets full"
+        else "the last of which never holds all its targets"
         if starved[0].is_error
         else ("the last of which can starve")
     )
@@ -88,7 +88,7 @@ def _starving(index: ExplorationIndex, tank: Tank, start: Indices, full: int) ->
         return None
     stuck = next((state for state in bad if not tank[state]), bad[0])
     contents = " + ".join(index.names[n] for n in stuck)
-    what = "where nothing happens any more" if not tank[stuck] else "from which it does not get there"
+    what = "where nothing happens any more" if not tank[stuck] else "from which no target can be reached"
     is_certain = tuple(sorted(start)) not in good
     if is_certain:
         text = f"{len(start)} cubes never make {full} target{'s' if full > 1 else ''}, whatever happens"

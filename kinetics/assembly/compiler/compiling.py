@@ -152,8 +152,8 @@ class _Asked:
         )
         if target.is_seeded and target.breaks:
             raise ValueError(
-                f"target {target.name!r}: the bonds of a book that grows from a seed hold, since news that a stage is "
-                "complete is not taken back; set breaks = false"
+                f"target {target.name!r}: bonds of a book that grows from a seed cannot break, because the signal "
+                f"that a stage is complete is never withdrawn; set breaks = false"
             )
         if target.is_seeded and target.joins is not None:
             raise ValueError(f"joins: {target.name!r} is grown from a seed, cube by cube; leave out joins")

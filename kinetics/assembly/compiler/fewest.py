@@ -32,9 +32,9 @@ CUBES, DURATION, JOIN, BREAK = 60, 2000.0, 7e-5, 3e-5
 
 
 KIND = (
-    "kind of books: both cubes need a rule to bond and read before either writes; all structures of one shape have the "
-    "same letters, and so have places that symmetry exchanges; a join happens in all its ways or not at all; cubes "
-    "turned as in the book's target"
+    "kind of books: both cubes need a rule to bond, and both read before either writes; all structures of one shape "
+    "have the same letters, and so have places that symmetry exchanges; a join happens in all its ways or not at "
+    "all; cubes oriented as in the book's target"
 )
 
 

@@ -267,12 +267,14 @@ def planned_order(target: Target, senses: Senses, tick: Callable[[], None]) -> t
             letters = tuple([str(orbits.get(minus(place, root))) for place in target.positions])
             if _is_its_mirror_image(target.positions, tops, letters):
                 return order, root
-            clashes.append("cubes that come in this order cannot tell left from right, and finish in either way")
+            clashes.append(
+                "cubes that arrive in this order cannot distinguish left from right, and either form is completed"
+            )
             all_tried = False  # there may be other orders
     if all_tried and target.seed is not None and not within:
         raise InfeasibleError(
-            f"target {target.name!r} is infeasible {head} from this seed, by growth in which a cube comes when all its "
-            f"earlier neighbours are there and none is squeezed in, because {clashes[0]}"
+            f"target {target.name!r} is infeasible {head} from this seed, by growth in which each cube docks after "
+            f"all its earlier neighbours and none is squeezed in, because {clashes[0]}"
         )
     clash = f"; the first clash: {clashes[0]}" if clashes else ""
     raise UndecidedError(f"target {target.name!r}: not found{within} {head}{clash}")

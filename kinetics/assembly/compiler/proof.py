@@ -123,5 +123,5 @@ def proven(plan: Plan, tables: Solution, tick: Callable[[], None] = lambda: None
         f"{len(joins)} joins, exactly those asked for; {len(falls)} breaks"
     )
     warnings = ", ".join(finding.kind for finding in report.findings) or "no warnings"
-    waves = f"slow internal waves: {report.waves}"
-    return book, (closure, f"check: no errors; {warnings}", waves, f"coming home: {report.recoverability.text}")
+    waves = f"delayed state updates: {report.waves}"
+    return book, (closure, f"check: no errors; {warnings}", waves, f"recoverability: {report.recoverability.text}")

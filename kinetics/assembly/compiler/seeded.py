@@ -54,11 +54,11 @@ def grown_book(target: Target, senses: Senses, seed: int, budget: Budget, report
             f"letters, max_letters is {target.max_letters}"
         )
     if made.book.internal:
-        waves = "left out; each wave is taken to rest before the next cube docks"
+        waves = "left out; all state updates are assumed to finish before the next cube docks"
     else:
         waves = "none, as there are no internal rules"
     growths = grown(made.book, budget.times(GROWTHS), seed, budget, report)
-    return replace(made, verified=(*made.verified, *growths, f"slow internal waves: {waves}"))
+    return replace(made, verified=(*made.verified, *growths, f"delayed state updates: {waves}"))
 
 
 def _by_tree(target: Target, senses: Senses, seed: int, budget: Budget, report: Notify) -> Compiled:
@@ -70,8 +70,8 @@ def _by_tree(target: Target, senses: Senses, seed: int, budget: Budget, report: 
         )
     if target.tops is not None:
         raise UndecidedError(
-            f"target {target.name!r} with {sensing(senses)}: the turns of the cubes are chosen so that few letters are "
-            "needed; leave out tops and fronts (and draw cubes as #)"
+            f"target {target.name!r} with {sensing(senses)}: the orientations of the cubes are chosen so that few "
+            f"letters are needed; leave out tops and fronts (and draw cubes as #)"
         )
     places, root = target.positions, roots(target)[0]
     with budget.within(SEARCHING):
@@ -92,8 +92,8 @@ def _by_tree(target: Target, senses: Senses, seed: int, budget: Budget, report: 
     bound = max(distances(places, root).values()) + 1
     verified = (
         f"a spanning tree of {len(names)} different subtrees; from this seed it takes at least {bound}",
-        "no rule reads what else is there, so what comes to a face does not depend on the order of growth",
-        "order: a cube may come as soon as the one that it hangs on in the tree is there; no other order is kept",
+        "no rule reads anything else, so what docks at a face does not depend on the order of growth",
+        "order: a cube may dock as soon as its parent in the tree has docked; no other order is kept",
     )
     searched = (
         "kind of books: growth along a spanning tree of shortest paths from this seed, a letter for each subtree; "
@@ -150,7 +150,7 @@ def _by_stages(target: Target, senses: Senses, seed: int, budget: Budget, report
         budget.check()
 
     merged = (
-        f"letters were merged from {len(tables.letters)} such that nobody is misled in any of {facts.states} states "
+        f"letters were merged from {len(tables.letters)} such that no cube is misled in any of {facts.states} states "
         "(up to turns and mirrors) nor in the middle of a wave"
     )
     if facts.states > MOST_STRUCTURES:

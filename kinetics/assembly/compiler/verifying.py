@@ -45,7 +45,7 @@ def explored(book: RuleBook, progress: Callable[[int, int], None] | None = None)
         "target and no more, none by squeezing a cube in"
     )
     order = stages_in_words(stages(found.structures, found.events, book.scheme))
-    return events, order, f"coming home: {report.recoverability.text}"
+    return events, order, f"recoverability: {report.recoverability.text}"
 
 
 def grown(book: RuleBook, runs: int, seed: int, budget: Budget, report: Notify) -> tuple[str, ...]:

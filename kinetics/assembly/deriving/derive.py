@@ -82,7 +82,7 @@ class Derivation:
         """Index of the species of a structure, in any placement and orientation."""
         canonical = structure.canonical(self.book.scheme)
         if canonical not in self._species:
-            raise KeyError(f"{canonical} is none of the {len(self.structures)} species of book {self.book.name!r}")
+            raise KeyError(f"{canonical} is not among the {len(self.structures)} species of book {self.book.name!r}")
         return self._species[canonical]
 
     def channel(self, before: Sequence[int], after: Sequence[int]) -> int:

@@ -64,7 +64,7 @@ def chain(derivation: Derivation) -> tuple[Structure, ...]:
     """
     book, structures = derivation.book, tuple(derivation.structures.values())
     if book.target is None:
-        raise ValueError(f"book {book.name!r} names no target that a growth could lead to; give it a [target]")
+        raise ValueError(f"book {book.name!r} has no target to grow to; give it a [target]")
     starts = [derivation.species_of(start) for start in (book.monomer(), book.seed()) if start is not None]
     costs, made_by = shortest(len(structures), starts, derivation.events)
     canonical = book.target.canonical(book.scheme)

@@ -20,7 +20,9 @@ def stages(structures: Sequence[Structure], events: Iterable[StructureEvent], sc
     """
     for event in events:
         if len(event.before) != 2 or 0 not in event.before or event.before == (0, 0):
-            raise ValueError("the stages of a growth need a seed that takes free cubes one by one, and no breaks")
+            raise ValueError(
+                "stages of growth exist only for books in which a seed binds free cubes one by one and nothing breaks"
+            )
     by_size: dict[int, list[Structure]] = {}
     for structure in structures[1:]:
         by_size.setdefault(len(structure), []).append(structure)

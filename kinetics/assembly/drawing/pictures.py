@@ -34,7 +34,7 @@ CAPTION = 0.36  # font size under a picture
 GAP = 0.55  # between pictures
 SPOTS = (-0.28, 0.0, 0.28)  # along both sides of a face: where a letter must not be hidden
 N_SPOTS = len(SPOTS) ** 2
-NOT_ALL = "not all there are: the exploration met its caps or was stopped"
+NOT_ALL = "incomplete: the exploration reached its limits or was interrupted"
 TURNED = turned.tolist()
 C = TypeVar("C", bound=DrawableCubes)
 

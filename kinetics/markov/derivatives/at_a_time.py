@@ -47,7 +47,7 @@ from kinetics.markov.transient.transitions import Transitions
 from kinetics.markov.transient.uniformisation import MAX_STEPS
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats
-from kinetics.support.interrupts import pieces
+from kinetics.support.interrupts import short_slices
 
 
 class Weights(NamedTuple):
@@ -122,7 +122,7 @@ def _window(chain: Transitions, time: float) -> tuple[tuple[int, Floats], float]
 
 
 class Kept(NamedTuple):
-    """What matters of a question: the states that are reached and lead to a value, all others being one without.
+    """A question reduced to the states that matter: reachable and coreachable to a value; the others become one state.
 
     start : (N,); functions : (F, N), each at most 1, in units of `scales` (F,)
     impulses : (K,) what each jump adds to the values of the state that it leaves, in proportion to its rate
@@ -136,7 +136,7 @@ class Kept(NamedTuple):
 
     @classmethod
     def of(cls, entries: ChannelEntries, start: Floats, functions: Floats, impulses: Floats | None = None) -> Kept:
-        """Of functions (F, N) of all states."""
+        """The reduced question for functions (F, N) of all states."""
         chain = entries.transitions
         scales = np.where(functions.any(axis=1), functions.max(axis=1), 1.0)
         shares = functions / scales[:, None]
@@ -149,7 +149,7 @@ class Kept(NamedTuple):
 
 
 class Back(NamedTuple):
-    """What a pass backwards gives.
+    """The result of an adjoint (backward) pass.
 
     later : (N,) l_0
     gained : of every entry of P off its diagonal the sum of v (l there - l here)
@@ -222,7 +222,7 @@ class Passes:
         for begin, vectors in self._forwards.backwards():
             block = slice(begin, begin + len(vectors))
             parts = [np.zeros_like(each) for each in sums]
-            for part in reversed(list(pieces(len(vectors), 2.0 * (parts[0].size + n)))):
+            for part in reversed(list(short_slices(len(vectors), 2.0 * (parts[0].size + n)))):
                 some = vectors[part], weights[block][part], after[block][part]
                 kernels.markov.steps_back(*self._moves, self._stays, *some, values, later, *parts)
             for s, found in enumerate(parts):

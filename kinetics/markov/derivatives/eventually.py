@@ -92,7 +92,7 @@ def gradient_accumulated(
 def gradient_steady(
     entries: ChannelEntries, start: Floats, rewards: Floats, impulses: Floats | None = None
 ) -> Gradient:
-    """Gradient of the mean rate of a reward in the steady state.
+    """The gradient of the mean rate of a reward in the steady state, by all channels.
 
     rewards : (N,) rates in each state; impulses : (K,) at each jump, none negative
 
@@ -132,7 +132,7 @@ def gradient_steady(
 
 
 def _narrower(entries: ChannelEntries, start: Floats, ending: Ending, found: Gradient, until_back: First) -> Gradient:
-    """What was found; where it is loose, by cycles between visits of the state that is visited most."""
+    """The gradient, tightened if its bounds are loose by cycles between visits of the most visited state."""
     solved = ending.solved
     if solved is None or found.wide.max(initial=0.0) <= LOOSE * found.answer.value:
         return found
@@ -177,7 +177,7 @@ def _solutions(solved: Solved, rounded: float) -> tuple[BoundedSolution, Bounded
 
 
 def everywhere(transient: Mask, solution: BoundedSolution) -> BoundedSolution:
-    """A solution on the way (N,), 0 elsewhere."""
+    """A solution on the transient states, extended by 0 to all states (N,)."""
     values, errors = np.zeros(transient.size), np.zeros(transient.size)
     values[transient], errors[transient] = solution
     return BoundedSolution(values, errors)

@@ -12,7 +12,7 @@ from kinetics import kernels
 from kinetics.markov.passage.backward import sums_after
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.support.arrays import Floats
-from kinetics.support.interrupts import pieces
+from kinetics.support.interrupts import short_slices
 from kinetics.support.memory import check_memory
 
 KEPT_BYTES = 2**28  # of all vectors; beyond, those of a block of steps are made again from its first
@@ -36,7 +36,7 @@ class Forwards:
         most, n = weights.size, start.size
         self.length = ceil(sqrt(most))
         rows = min(KEPT_BYTES / (8.0 * n), most) + 3.0 * self.length
-        check_memory(f"the steps of {n} states", 8.0 * n * rows, "ask for an earlier time, or start from fewer copies")
+        check_memory(f"the steps of {n} states", 8.0 * n * rows, "ask for an earlier time or start from smaller counts")
         # of n steps each changes the mean of f by less than 1, with a weight that stands for those after it
         after = 1.01 * sums_after(np.arange(1.0, most + 1.0) * weights)
         known, held, now = np.zeros(len(functions)), 0.0, start
@@ -58,12 +58,12 @@ class Forwards:
         """The vectors (size + 1, N) of a block from its first, and the first of the next."""
         block = np.empty((size + 1, first.size))
         block[0] = first
-        for part in pieces(size, self._arrays[1].size + first.size):
+        for part in short_slices(size, self._arrays[1].size + first.size):
             kernels.markov.powers(*self._arrays, block[part.start : part.stop + 1])
         return block
 
     def backwards(self) -> Iterator[tuple[int, Floats]]:
-        """Where each block begins and its vectors (B, N), the last block first."""
+        """Yield the first step of each block and its vectors (B, N), from the last block to the first."""
         for b in reversed(range(len(self._blocks))):
             begin, block = b * self.length, self._blocks[b]
             if len(block) == 1:

@@ -53,10 +53,10 @@ class ChannelEntries(NamedTuple):
 
     @property
     def channels(self) -> Ints:
-        """The channel (K,) of each entry."""
+        """The channel of each entry (K,) of the transitions."""
         channels = self.transitions.channels
         if channels is None:
-            raise ValueError("the entries of this chain belong to no channels; say which")
+            raise ValueError("the transitions of this chain belong to no channels; name them")
         return channels
 
     @property

@@ -35,12 +35,12 @@ class Near(NamedTuple):
     wide: Floats
 
     def plus(self, other: Near) -> Near:
-        """The sum."""
+        """The sum of two numbers, with its error bound."""
         value = self.value + other.value
         return Near(value, 1.001 * (self.wide + other.wide) + ROUNDOFF * np.abs(value))
 
     def times(self, other: Near) -> Near:
-        """The product."""
+        """The product of two numbers, with its error bound."""
         value = self.value * other.value
         wide = np.abs(self.value) * other.wide + self.wide * (np.abs(other.value) + other.wide)
         return Near(value, 1.001 * wide + ROUNDOFF * np.abs(value))

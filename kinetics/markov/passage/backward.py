@@ -98,7 +98,7 @@ class BackwardPass:
         self._is_settled = False
 
     def at(self, time: float) -> Answer:
-        """The mean at a time, tu."""
+        """The mean of the values at a time, tu."""
         if time == 0.0 or not self._chain.rates.any():
             return self._at_once if time > 0.0 else replace(self._at_once, kind=PROVEN)
         first, weights = self._window(time)
@@ -111,7 +111,7 @@ class BackwardPass:
         return self._within(float(terms.sum()), wrong, 1.0)
 
     def integral(self, time: float) -> Answer:
-        """The mean of the integral from 0 to a time, tu."""
+        """The mean of the values integrated from 0 to a time, tu."""
         if time == 0.0:
             return Answer(0.0, 0.0, 0.0)
         if not self._chain.rates.any():
@@ -215,7 +215,7 @@ def that_matter(transitions: Transitions, start: Floats, values: Floats) -> tupl
 
 
 def sums_after(values: Floats) -> Floats:
-    """Of each value, the sum (n,) of those after it."""
+    """For each value (n,), the sum of all values after it."""
     return np.append(np.cumsum(values[::-1])[::-1][1:], 0.0)
 
 

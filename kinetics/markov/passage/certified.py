@@ -89,7 +89,7 @@ class Equations(ABC):
 
     @abstractmethod
     def solve(self, weights: Floats) -> Floats:
-        """x (n,) with exits_i x_i - sum_j rates_ij x_j = weights_i: earned on the way out."""
+        """x (n,) with exits_i x_i - sum_j rates_ij x_j = weights_i: the reward accumulated until exit."""
 
     @abstractmethod
     def occupation(self, start: Floats) -> Floats:
@@ -103,15 +103,15 @@ class Equations(ABC):
         """
 
     def solved(self, weights: Floats) -> BoundedSolution:
-        """As `solve`, for weights of at least 0, with bounds on the errors."""
+        """Solve the equations for weights (n,) of at least 0, with bounds on the errors; see `solve`."""
         return self._certified(weights, False)
 
     def occupied(self, start: Floats) -> BoundedSolution:
-        """As `occupation`, with bounds on the errors."""
+        """Expected occupation times (n,), with bounds on the errors; see `occupation`."""
         return self._certified(start, True)
 
     def _certified(self, weights: Floats, is_occupation: bool) -> BoundedSolution:
-        """The solution, refined until what it leaves proves it; where that fails, as it is known beforehand."""
+        """The solution, refined until its residual proves it; otherwise with the error known beforehand."""
         solve = self.occupation if is_occupation else self.solve
         begun = np.array(solve(weights))
         prior = BoundedSolution(begun, np.full_like(begun, np.inf) if self.error == np.inf else self.error * begun)
@@ -136,7 +136,7 @@ class Equations(ABC):
         return BoundedSolution(np.where(better, np.maximum(high, 0.0), begun), np.where(better, errors, prior.errors))
 
     def _left(self, weights: Floats, high: Floats, low: Floats, is_occupation: bool) -> tuple[Floats, Floats]:
-        """What a solution in pairs leaves of the weights (n,), and what that may be wrong by."""
+        """The residual (n,) of a solution in double-double pairs, and a bound on its rounding error."""
         left = np.stack([weights, np.zeros_like(weights)], axis=1)
         sizes = np.abs(weights)
         twins.take_off(is_occupation, *self._rates, high, low, left, sizes)

@@ -90,7 +90,7 @@ class Committor(Shown):
         return value * (1.0 - self.error) if value > UNDERFLOW else 0.0, min(high, 1.0)
 
     def _may_reach(self, k: int, row: int | None) -> bool:
-        """Whether a target, or the edge of a truncated chain, can be reached from state `row` or from the start."""
+        """True if a target, or the edge of a truncated chain, can be reached from state `row` or from the start."""
         coreachable = self.transitions.leading_to((self.committors[k] == 1.0) | (self.truncated == 1.0))
         return bool(coreachable[self.occupation > 0.0].any() if row is None else coreachable[row])
 
@@ -177,8 +177,8 @@ def committor_of(
         error = 1.001 * max(error, wrong, stays.relative) + 2.0 * ROUNDOFF
         if error == np.inf:
             raise ValueError(
-                f"the targets are too remote: with {size} states on the way, too many to eliminate, the chances cannot "
-                f"be solved for; start nearer to the targets, or from fewer copies"
+                f"the targets are too remote: with {size} transient states, too many to eliminate, the "
+                f"probabilities cannot be solved; start nearer to the targets or from smaller counts"
             )
     return Committor(
         stopped,

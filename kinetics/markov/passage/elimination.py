@@ -64,9 +64,9 @@ class Elimination(Equations):
         self.error = float(np.expm1(1.001 * ROUNDOFF * (10.0 * changes + n * (self.width + 2.0 * self.given + 8.0))))
 
     def solve(self, weights: Floats) -> Floats:
-        """x (n,) with exits_i x_i - sum_j rates_ij x_j = weights_i, for weights >= 0: earned on the way out.
+        """x (n,) with exits_i x_i - sum_j rates_ij x_j = weights_i >= 0: the reward accumulated until exit.
 
-        inf where a state is left too rarely for a double.
+        It is inf if a state is left too rarely for a double.
         """
         if not self._exits.all():
             return np.full(weights.size, np.inf)
@@ -124,7 +124,7 @@ def work_of(rows: NDArray[Any], columns: NDArray[Any], n: int) -> float:
 
 
 class SparseFactors(Equations):
-    """The same equations by sparse LU, for chains too large to eliminate: right to the largest number that comes out.
+    """Equations of a chain by sparse LU, if it is too large to eliminate; errors are relative to the largest value.
 
     Minimum degree on the pattern of A + A' and pivots on the diagonal, which suit M-matrices: two to four times
     faster than a narrow band here (George & Liu 1989, doi:10.1137/1031001).
@@ -145,11 +145,11 @@ class SparseFactors(Equations):
             self._factors = None
 
     def solve(self, weights: Floats) -> Floats:
-        """As `Elimination.solve`, for weights of any sign."""
+        """Solve the equations for weights (n,) of any sign."""
         return self._by_factors(weights, False)
 
     def occupation(self, start: Floats) -> Floats:
-        """As `Elimination.occupation`."""
+        """Expected time (n,) in each state until exit, from a start spread as `start` (n,)."""
         return self._by_factors(start, True)
 
     def _by_factors(self, weights: Floats, is_occupation: bool) -> Floats:

@@ -34,23 +34,23 @@ class Iterated(Equations):
         return direct(*self._rates, self.rate_error)
 
     def solve(self, weights: Floats) -> Floats:
-        """As `Elimination.solve`."""
+        """Solve the equations for weights (n,) of at least 0."""
         return self.solved(weights).values
 
     def occupation(self, start: Floats) -> Floats:
-        """As `Elimination.occupation`."""
+        """Expected time (n,) in each state until exit, from a start spread as `start` (n,)."""
         return self.occupied(start).values
 
     def solved(self, weights: Floats) -> BoundedSolution:
-        """As `Equations.solved`."""
+        """Solve the equations for weights (n,) of at least 0, with bounds on the errors."""
         return self._found(lambda way: way.solved(weights))
 
     def occupied(self, start: Floats) -> BoundedSolution:
-        """As `Equations.occupied`."""
+        """Expected occupation times (n,) from a start (n,), with bounds on the errors."""
         return self._found(lambda way: way.occupied(start))
 
     def at_most(self, weights: Floats, like: Floats, is_occupation: bool = False) -> Floats:
-        """As `Equations.at_most`."""
+        """Proven upper bounds (n,) on the solution for weights (n,) of at least 0."""
         if not self._is_direct:
             found = self._iteration.at_most(weights, like, is_occupation)
             if np.isfinite(found).all():

@@ -81,7 +81,7 @@ class Passage(Shown, Tabular):
             rows.append((title, value, answer.bounds_text))
         notes = [f"solved, not sampled; bounds: {kind_of(self.is_bound)}"]
         if self.earliest is not None:
-            notes.append("truncated: the bounds hold for any behaviour outside, and the values count nothing of it")
+            notes.append("truncated: the bounds hold for any behaviour outside; the values exclude it")
         return ResultTable(self.headline, ("", "value", "bounds"), rows, notes)
 
     def answer(self, what: str | float) -> Answer:
@@ -94,7 +94,7 @@ class Passage(Shown, Tabular):
         elif what == "sd" and self.earliest is None:
             found = Answer.within(self.sd, self.sd_error, True)
         elif what == "sd":
-            return Answer.none("a truncated chain bounds no standard deviation")
+            return Answer.none("a truncated chain gives no bound on the standard deviation")
         else:
             low, high = self.quantile_bounds(what)
             found = Answer(float(self.quantile(what)), float(low), float(high))
@@ -114,12 +114,12 @@ class Passage(Shown, Tabular):
 
     @property
     def is_certain(self) -> bool:
-        """Whether the target is reached with probability 1."""
+        """True if the target is reached with probability 1."""
         return bool(np.isfinite(self.mean))
 
     @property
     def may_reach(self) -> bool:
-        """Whether some way leads to the target, however unlikely it is."""
+        """True if the target is reachable, however unlikely it is."""
         is_target = np.arange(self.start.size) == self.start.size - 1
         return bool(self.transitions.leading_to(is_target)[self.start > 0.0].any())
 

@@ -16,7 +16,7 @@ from kinetics import kernels
 from kinetics.markov.passage.certified import FINE, BoundedSolution, Equations
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.support.arrays import Floats
-from kinetics.support.interrupts import pieces
+from kinetics.support.interrupts import short_slices
 from kinetics.support.packages import sparse
 
 LARGEST = 830  # binary exponent of the largest value while bounds are proven, so that small ones lose no digits
@@ -41,7 +41,7 @@ class Comparison(NamedTuple):
     reached: Floats
 
     def bounds(self, left: Floats) -> Floats:
-        """What the inverse of A makes of residuals no larger than these (n,)."""
+        """Bounds (n,) on the errors of a solution whose residuals are at most `left` (n,)."""
         found = 1.001 * self.wide * float((left / self.reached).max(initial=0.0))
         return np.where(np.isnan(found), np.inf, found)
 
@@ -68,15 +68,15 @@ class Iteration(Equations):
         self.goal = max(4.0 * FINE, self.rates_error / 16.0)
 
     def solve(self, weights: Floats) -> Floats:
-        """As `Elimination.solve`."""
+        """Solve the equations for weights (n,) of at least 0."""
         return self.solved(weights).values
 
     def occupation(self, start: Floats) -> Floats:
-        """As `Elimination.occupation`."""
+        """Expected time (n,) in each state until exit, from a start spread as `start` (n,)."""
         return self.occupied(start).values
 
     def occupied(self, start: Floats, guess: Floats | None = None) -> BoundedSolution:
-        """As `Equations.occupied`; guess : (n,) of about the size of the solution, none negative."""
+        """Expected occupation times (n,) with bounds; guess : (n,) non-negative, of about the size of the solution."""
         return self._certified(start, True, guess)
 
     def about(self, start: Floats, guess: Floats) -> Floats:
@@ -171,25 +171,25 @@ class Iteration(Equations):
         return Comparison(wide, reached)
 
     def _units(self, like: Floats) -> Floats:
-        """What flows through each state (n,)."""
+        """The probability flow (n,) through each state, the scale of its residual."""
         return self._exits * np.maximum(like, FLOOR * like.max(initial=0.0))
 
     def _rest(self, weights: Floats, found: Floats, is_occupation: bool) -> Floats:
-        """What a solution leaves of the weights, in plain doubles."""
+        """The residual of a solution, in plain doubles."""
         product = np.empty_like(found)
         (kernels.incomplete.occupied if is_occupation else kernels.incomplete.earned)(*self._table, found, product)
         return weights - product
 
     def _swept(self, left: Floats, is_occupation: bool) -> Floats:
-        """What the incomplete factors make of a residual, in place."""
+        """Apply the preconditioner to a residual, in place."""
         (kernels.incomplete.occupy if is_occupation else kernels.incomplete.solve)(*self._factors, left)
         return left
 
     def _changed(self, left: Floats, units: Floats, goal: float, is_occupation: bool) -> Floats:
-        """What is to be added to a solution that leaves so much."""
+        """The correction of a solution with this residual, by BiCGSTAB."""
         change, most, left = np.zeros_like(left), min(STEPS, self._steps), left.copy()
         memory, numbers, done = np.empty((4, left.size)), np.empty(3), 0
-        for part in pieces(most, 8.0 * (self._factors[3].size + left.size)):
+        for part in short_slices(most, 8.0 * (self._factors[3].size + left.size)):
             done, is_over = kernels.krylov.correct(
                 *self._factors, *self._table[2:], is_occupation, units, left, change, goal, memory, numbers, done,
                 part.stop,

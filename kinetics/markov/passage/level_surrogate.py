@@ -22,7 +22,7 @@ class LevelBins:
         self.n = self.edges.size
 
     def of(self, levels: Floats) -> Ints:
-        """Bin (n,) of each level (n,)."""
+        """The bin (n,) of each level (n,)."""
         return np.maximum(np.searchsorted(self.edges, levels, side="right") - 1, 0)
 
 

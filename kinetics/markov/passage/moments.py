@@ -57,10 +57,8 @@ def _sd(chances: Equations, inner: _Inner, there: float, means: BoundedSolution)
 class _Inner(NamedTuple):
     """The transient states (n,) between the start and the target: reachable from the one, coreachable to the other.
 
-    rows, columns, rates : (K,) among them
-    hits, losses : (n,) 1/tu, into the target and to where it can no longer be reached
-    first : (n,) probabilities of beginning in them
-    is_certain : whether the target is reached with probability 1
+    rows, columns, rates : (K,) jumps among them; hits, losses : (n,) 1/tu, into the target, and to where it is lost
+    first : (n,) initial probabilities; is_certain : true if the target is reached with probability 1
     """
 
     rows: Ints
@@ -89,10 +87,9 @@ def _inner(chain: Transitions, begins: Floats) -> _Inner:
 
 
 def _variances(chain: Equations, inner: _Inner, means: BoundedSolution) -> tuple[BoundedSolution, Floats]:
-    """Variances (n,) of the time from each state, and what the errors of the means may bring to each.
+    """Variances (n,) of the time from each state, and bounds on what errors of the means add to them.
 
-    That of a step's own wait plus that of where it leads: sums of squares, so that nothing cancels between them. Within
-    a square means are subtracted: what that may be wrong by is added up by the same equations.
+    By the law of total variance, as a sum of squares without cancellation between its terms.
     """
     rows, columns, rates, hits, *_ = inner
     mean, each = means
@@ -131,8 +128,8 @@ def _checked(solution: BoundedSolution, first: Floats) -> BoundedSolution:
         )
     if not solution.mean(first)[1] < 1e-3:
         raise ValueError(
-            f"the target is too remote: with {first.size} states on the way, too many to eliminate, it cannot be "
-            f"solved for to three digits; start nearer to the target, or from fewer copies"
+            f"the target is too remote: with {first.size} transient states, too many to eliminate, it cannot be "
+            f"solved to three digits; start nearer to the target or from smaller counts"
         )
     return solution
 

@@ -53,12 +53,12 @@ class RareEvent(Shown):
 
     @property
     def is_trusted(self) -> bool:
-        """Whether the replicates agree to a tenth or better, as the two-sided interval requires."""
+        """True if the replicates agree to a tenth or better, as the two-sided interval requires."""
         return self.probability > 0.0 and self.standard_error <= TRUSTED * self.probability
 
     @property
     def headline(self) -> str:
-        """The estimate with its interval."""
+        """The estimate with its interval, on one line."""
         return f"probability {self.probability:.4g} [{self.low:.4g}, {self.high:.4g}]"
 
     def summary(self) -> ResultTable:
@@ -192,8 +192,8 @@ def _pilot(
             goal = float(first.tops[first.tops > reached].min(initial=np.inf))
         if goal == np.inf or len(goals) == MAX_STAGES:
             raise ValueError(
-                f"no way to the event: the pilot came to level {np.concatenate(seen).max():g} and no further; "
-                f"give more runs, a later time, or a level that rises step by step on the way to the event"
+                f"the event was not reached: the pilot runs got to level {np.concatenate(seen).max():g}; give more "
+                f"runs, a later time, or a level that rises step by step towards the event"
             )
         entered = runner.run(states, clocks, value, goal)
         hits = np.flatnonzero(entered.tops >= goal)

@@ -67,7 +67,7 @@ class Stationary(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """Its size."""
+        """The number of states of the distribution, on one line."""
         classes = "1 closed class" if len(self.classes) == 1 else f"{len(self.classes)} closed classes"
         return f"stationary distribution of {self.probabilities.size} states, {classes}"
 
@@ -156,7 +156,8 @@ def stationary_of(transitions: Transitions, start: Floats) -> Stationary:
             rest_error = max(rest_error, own_error)
     except TooLargeError as refusal:
         raise ValueError(
-            f"the stationary distribution is out of reach: {refusal}; start from fewer copies, or solve for a late time"
+            f"the stationary distribution is out of reach: {refusal}; start from smaller counts or solve for a late "
+            f"time"
         ) from None
     error = weights_error + rest_error + 2.0 * ROUNDOFF * (weights_error + rest_error > 0)
     return Stationary(probabilities, tuple(classes), weights[is_reached], error, transitions.is_certified)

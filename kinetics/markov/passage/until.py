@@ -103,7 +103,8 @@ def accumulated_until(transitions: Transitions, start: Floats, rates: Floats, ta
     if not coreachable[reachable].all():
         chance = until(transitions, start, np.ones_like(target), target).found.value
         raise ValueError(
-            f"the target is reached with probability {chance:.6g} only, so a reward until then has no finite mean; ask "
+            f"the target is reached with probability {chance:.6g} only, so the reward until then has no finite "
+            f"mean; ask "
             f"for the reward up to a time, or for a target that is certain"
         )
     transient = reachable & ~target

@@ -34,18 +34,18 @@ class AlwaysQuestion(Question):
 
     @classmethod
     def read(cls, asked: Framed) -> AlwaysQuestion | None:
-        """G at the beginning."""
+        """Read a text that begins with G."""
         if asked.letter != "P" or not asked.begins_with("G"):
             return None
         after, by, states = Bounded.of(asked.inner[1:])
         return cls(states, by, after)
 
     def value(self, chain: Chain) -> Answer:
-        """As `Chain.always` has it."""
+        """The probability, as `Chain.always` gives it."""
         return chain.always(self.states, self.by, after=self.after)
 
     def derivatives(self, sensitivity: Sensitivity) -> Derivatives:
-        """As `Sensitivity.always` has them."""
+        """The derivatives, as `Sensitivity.always` gives them."""
         return sensitivity.always(self.states, self.by, self.after)
 
     @property

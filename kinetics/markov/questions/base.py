@@ -22,16 +22,16 @@ PROBABILITY, MEAN, TIME = "probability", "mean", "time"  # what an answer counts
 
 
 class Settled(NamedTuple):
-    """Where the answer to a question is settled, however the chain goes on: in a target, and outside of some states.
+    """The states in which the answer to a question is decided: a target, and all states outside of `through`.
 
-    Both are conditions, None where there is none.
+    Each is a condition, or None.
     """
 
     target: str | None
     through: str | None
 
     def holds(self, names: StateNames) -> NDArray[np.bool_]:
-        """In which of the states (N,)."""
+        """True (N,) for the states in which the answer is decided."""
         found = np.zeros(names.n_states, dtype=bool)
         if self.target is not None:
             found |= names.holds(self.target)
@@ -82,8 +82,8 @@ class Question(ABC):
        asks of the network `A <-> B` with observable `both`.
     2. Write `read`, by what `kinetics.markov.questions.reader` has for time bounds and conditions.
     3. Write `value` and `derivatives`, with bounds, and `conditions`.
-    4. Write `settled` where the chain need not be followed everywhere, and `sampling` where runs of finite length
-       answer.
+    4. Write `settled` if some states decide the answer, so that the chain can stop there, and `sampling` if runs of
+       finite length can answer.
     5. Import it in `kinetics.markov.questions`, which adds it to `QUESTIONS`. `ask`, `scan` and the contract in
        tests/contracts/test_questions.py read that tuple.
 
@@ -106,7 +106,7 @@ class Question(ABC):
 
     @abstractmethod
     def derivatives(self, sensitivity: Sensitivity) -> Derivatives:
-        """What the rates do to the answer, with bounds."""
+        """The derivatives of the answer by the rate constants, with bounds."""
 
     @property
     @abstractmethod
@@ -115,12 +115,12 @@ class Question(ABC):
 
     @property
     def counts_as(self) -> str:
-        """Whether the answer is a probability, a mean or a mean time."""
+        """The kind of the answer: a probability, a mean or a mean time."""
         return PROBABILITY
 
     @property
     def settled(self) -> Settled | None:
-        """Where the answer is settled; None where that is nowhere."""
+        """The states in which the answer is decided; None if there are none."""
         return None
 
     @property
@@ -129,7 +129,7 @@ class Question(ABC):
         return None
 
     def check(self, model: Model) -> None:
-        """A ValueError where a condition names what the model does not have."""
+        """Raise a ValueError if a condition names something that the model does not have."""
         names = state_names(model, np.asarray(model.initial)[np.newaxis])
         for condition in self.conditions:
             names.holds(condition)

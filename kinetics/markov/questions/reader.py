@@ -87,7 +87,7 @@ def one_bound(text: str, word: str, sign: str) -> float:
 
 
 def time_of(text: str) -> float:
-    """A time from text, tu."""
+    """A time, tu, read from text; a ValueError if it is negative or not finite."""
     try:
         value = float(text)
     except ValueError:
@@ -98,13 +98,13 @@ def time_of(text: str) -> float:
 
 
 def words(text: str, word: str) -> list[int]:
-    """Where a word stands that is in no brackets and no quotes."""
+    """The places of a word in a text, outside of brackets and quotes."""
     pattern = re.compile(rf"{word}(?!\w)")
     return [place for place in _top_level(text) if pattern.match(text, place)]
 
 
 def _top_level(text: str) -> Iterator[int]:
-    """Where words begin that are in no brackets and no quotes."""
+    """The places at which words begin, outside of brackets and quotes."""
     depth, quote = 0, ""
     for place, sign in enumerate(text):
         if quote:

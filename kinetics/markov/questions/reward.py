@@ -69,16 +69,16 @@ class RewardQuestion(Question):
         return self.at is None and self.up_to is None and self.until is None
 
     def value(self, chain: Chain) -> Answer:
-        """As `Chain.reward` has it."""
+        """The mean reward, as `Chain.reward` gives it."""
         return chain.reward(self.name, self.at, self.up_to, self.until, self._is_steady)
 
     def derivatives(self, sensitivity: Sensitivity) -> Derivatives:
-        """As `Sensitivity.reward` has them."""
+        """The derivatives, as `Sensitivity.reward` gives them."""
         return sensitivity.reward(self.name, self.at, self.up_to, self.until, self._is_steady)
 
     @property
     def counts_as(self) -> str:
-        """A mean, or a mean time."""
+        """The kind of the answer: a mean, or a mean time."""
         return TIME if self.name == TIME and self.at is None and not self._is_steady else MEAN
 
     @property

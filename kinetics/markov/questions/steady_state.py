@@ -29,15 +29,15 @@ class SteadyStateQuestion(Question):
 
     @classmethod
     def read(cls, asked: Framed) -> SteadyStateQuestion | None:
-        """Any condition behind S."""
+        """Read a text that begins with S; any condition may follow."""
         return cls(asked.inner) if asked.letter == "S" else None
 
     def value(self, chain: Chain) -> Answer:
-        """As `Chain.steady_state` has it."""
+        """The probability, as `Chain.steady_state` gives it."""
         return chain.steady_state(self.states)
 
     def derivatives(self, sensitivity: Sensitivity) -> Derivatives:
-        """As `Sensitivity.steady_state` has them."""
+        """The derivatives, as `Sensitivity.steady_state` gives them."""
         return sensitivity.steady_state(self.states)
 
     @property

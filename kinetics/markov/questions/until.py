@@ -22,7 +22,7 @@ from kinetics.support.arrays import Floats, Ints
 
 @dataclass(frozen=True)
 class UntilQuestion(Question):
-    """P=? [ through U[after,by] target ]; F without `through`, and for ever without `by`.
+    """P=? [ through U[after,by] target ]; F if there is no `through`; without `by`, time is unbounded.
 
     >>> from kinetics.markov.questions import parse
     >>> parse("P=? [ A > 0 U<=2 B = 3 ]")
@@ -63,11 +63,11 @@ class UntilQuestion(Question):
         return cls(target, through, by, after)
 
     def value(self, chain: Chain) -> Answer:
-        """As `Chain.until` has it."""
+        """The probability, as `Chain.until` gives it."""
         return chain.until(self.target, self.through, self.by, after=self.after)
 
     def derivatives(self, sensitivity: Sensitivity) -> Derivatives:
-        """As `Sensitivity.until` has them."""
+        """The derivatives, as `Sensitivity.until` gives them."""
         return sensitivity.until(self.target, self.through, self.by, self.after)
 
     @property

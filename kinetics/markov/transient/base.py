@@ -72,7 +72,7 @@ class SolvingMethod(ABC):
 
     @abstractmethod
     def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
-        """The same from a checked state (S,), at checked times (T,)."""
+        """The distribution from a checked state (S,) at checked times (T,), tu; what a solver implements."""
 
 
 class ProbabilityTable(NamedTuple):
@@ -104,7 +104,7 @@ class ListingMethod(SolvingMethod):
         n = len(space)
         # the answer, and a transition a channel while these are listed
         numbers = n * (grid.size + len(network.species) + 6 * len(network.channels))
-        advice = "ask for fewer times, or start from fewer copies"
+        advice = "ask for fewer times, or start from smaller counts"
         check_memory(f"{n} states at {grid.size} times", 8.0 * numbers, advice)
         return Distribution(space, grid, *self.probabilities(space.transitions(), np.eye(1, n)[0], grid, space))
 

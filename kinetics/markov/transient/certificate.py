@@ -43,13 +43,13 @@ class Entries(NamedTuple):
 
     @property
     def is_certified(self) -> bool:
-        """Whether the errors of the rates are bounded."""
+        """True if the errors of the rates are bounded."""
         return bool(np.isfinite(self.rate_error))
 
     def wrong(self, jumps: float) -> float:
-        """What the errors of the rates add to the summed error of probabilities, if on the way so many jumps are made.
+        """Bound on what errors of the rates add to the summed error of probabilities over an expected number of jumps.
 
-        By Duhamel's formula the integral of |p (Q - Q')|, in which each rate counts twice: where it leads and whence.
+        By Duhamel's formula, the integral of |p (Q - Q')|, in which each rate counts twice: in its row and its column.
         """
         return ABOVE * 2.0 * ROUNDOFF * self.rate_error * jumps if self.rate_error and self.is_certified else 0.0
 

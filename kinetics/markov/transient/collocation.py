@@ -74,7 +74,7 @@ class Collocation(ListingMethod):
     ) -> ProbabilityTable:
         """Probabilities of all states."""
         n, listed = transitions.size, transitions.rates.size
-        advice = "ask for fewer times, or start from fewer copies"
+        advice = "ask for fewer times, or start from smaller counts"
         check_memory(f"{n} states at {grid.size} times", 8.0 * (n * grid.size + 8.0 * listed), advice)
         plan = CollocationPlan.of(transitions.generator(), float(grid[-1]), self.tolerance, self.max_seconds)
         seconds = plan.seconds + ENTRY * listed
@@ -82,9 +82,9 @@ class Collocation(ListingMethod):
             raise ValueError(
                 f"{n} states would take about {plan.steps:.0f} steps until {grid[-1]:g}, up to {seconds:.3g} s; "
                 f"{limit_in_words(self.max_seconds)}; raise it, ask for earlier times, "
-                f"start from fewer copies, or sample with the direct method"
+                f"start from smaller counts, or sample with the direct method"
             )
-        check_memory(f"the factors of {n} states", plan.n_bytes, "start from fewer copies")
+        check_memory(f"the factors of {n} states", plan.n_bytes, "start from smaller counts")
         forecast(seconds, f"some {plan.steps:.0f} steps of collocation over {n} states")
         entries = best_entries(transitions, space)
         found, error = integrate(entries, start, grid, plan, self.tolerance, self.max_seconds)
@@ -92,7 +92,7 @@ class Collocation(ListingMethod):
 
 
 class CollocationPlan(NamedTuple):
-    """What a chain will take until the last time.
+    """Settings and forecast cost of a collocation until the last time.
 
     order : (N,) states in the order of elimination, which keeps the rates in a narrow profile
     degree : s of the polynomials
@@ -110,12 +110,12 @@ class CollocationPlan(NamedTuple):
 
     @property
     def seconds(self) -> float:
-        """What all steps take."""
+        """Forecast time of all steps, s."""
         return self.steps * (self.step_seconds + 3.0 * self.correction_seconds)
 
     @classmethod
     def of(cls, generator: csr_array, last: float, tolerance: float, max_seconds: float) -> CollocationPlan:
-        """For a generator (N, N), 1/tu.
+        """The plan for a generator (N, N), 1/tu.
 
         A step as long as the time before it, of a solution that is smooth but for time 0, has an error that falls as
         (3 + 2 sqrt(2))**-s: the degree is for that.
@@ -125,8 +125,8 @@ class CollocationPlan(NamedTuple):
         if not (events <= MOST_EVENTS and last < LARGEST):
             raise ValueError(
                 f"the chain is too stiff for collocation: its fastest rate times {last:g} is {events:.3g}, at most "
-                f"{MOST_EVENTS:.0e}, until {LARGEST:.0e}; ask for earlier times, or use the method 'dense' if it "
-                f"has few states"
+                f"{MOST_EVENTS:.0e}, until {LARGEST:.0e}; ask for earlier times, or use the method 'dense' if there "
+                f"are few states"
             )
         pattern: Any = abs(generator) + abs(generator.T)
         order = np.asarray(sparse.csgraph.reverse_cuthill_mckee(pattern.tocsr(), symmetric_mode=True), dtype=np.int64)
@@ -136,13 +136,15 @@ class CollocationPlan(NamedTuple):
         np.minimum.at(first, place[entries.row], place[entries.col])
         widths = (np.arange(n) - first).astype(float)
         # At worst, for one factorisation; then what it is, which may be far less.
-        advice = "start from fewer copies, or sample with the direct method"
+        advice = "start from smaller counts, or sample with the direct method"
         check_memory(f"the factors of {n} states", 20.0 * (n + 2.0 * float(widths.sum())), advice)
-        if MULTIPLY * float(widths @ widths) > max_seconds:
+        at_worst = MULTIPLY * float(widths @ widths)
+        if at_worst > max_seconds:
             raise ValueError(
-                f"{n} states, up to {widths.max():.0f} apart, may take {MULTIPLY * float(widths @ widths):.3g} s to "
-                f"factorise once; max_seconds = {max_seconds:g}; raise it, {advice}"
+                f"{n} states, up to {widths.max():.0f} apart, may take {at_worst:.3g} s to factorise once; "
+                f"max_seconds = {max_seconds:g}; raise it, {advice}"
             )
+        forecast(at_worst, f"at most, to factorise {n} states once, from which the rest is forecast")
         lower, upper = fill(generator.T[order][:, order])
         multiplications, numbers = float(lower @ upper), float(lower.sum() + upper.sum())
 
@@ -175,7 +177,7 @@ def integrate(
         if steps.seconds > max_seconds:
             raise ValueError(
                 f"at {float(steps.begin):.3g} of {times[-1]:g} the steps of collocation, {float(steps.length):.3g} "
-                f"tu, are far shorter than forecast, as in a chain that turns in circles; max_seconds = "
+                f"tu, are far shorter than forecast, as in a chain that oscillates; max_seconds = "
                 f"{max_seconds:g}; raise it, ask for earlier times, or sample with the direct method"
             )
         begin, length, polynomial = steps.go_on()
@@ -216,7 +218,7 @@ class Steps:
         self._step, self._step_length = RadauStep(self._rates, float(first), plan.degree), first
 
     def go_on(self) -> tuple[Fraction, Fraction, Floats]:
-        """Where the step begins, its length, and digits of its polynomial."""
+        """Take a step: return its beginning, its length, and the digits of its polynomial."""
         while True:
             begin, length, allowed = self.begin, self.length, SHARE * (self._tolerance - self.error)
             polynomial, bound = self._polynomial(length, allowed)

@@ -135,7 +135,7 @@ def value_at(coefficients: Floats, place: Fraction) -> tuple[Floats, float]:
 
 
 def legendre(x: Fraction, degree: int) -> list[Fraction]:
-    """P_0(x), ..., P_degree(x), exactly."""
+    """The Legendre polynomials P_0(x), ..., P_degree(x), in exact fractions."""
     values = [Fraction(1), x]
     for k in range(2, degree + 1):
         values.append(((2 * k - 1) * x * values[-1] - (k - 1) * values[-2]) / k)

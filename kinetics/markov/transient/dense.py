@@ -67,7 +67,8 @@ class Dense(ListingMethod):
         n = transitions.size
         if n > self.max_states:
             raise ValueError(
-                f"{n} states are too many for the dense method, at most {self.max_states}; take the method 'transient'"
+                f"{n} states are too many for the dense method, which takes at most {self.max_states}; use the "
+                f"method 'transient'"
             )
         check_memory(f"{n} states", 8.0 * n * (6 * n + grid.size), "ask for fewer times")
         rates = transitions.generator().toarray()
@@ -158,14 +159,14 @@ def _short_step(rates: Floats, stays: Floats, x: float) -> Floats:
 
 
 def _product(one: Floats, other: Floats) -> Floats:
-    """Of two square matrices; an interrupt is heard meanwhile."""
+    """The product of two square matrices, during which Ctrl-C is heard."""
     if len(one) ** 3 < LONG:
         return np.asarray(one @ other)
     return np.asarray(heard(np.matmul, one, other))
 
 
 def _stochastic(matrix: Floats) -> Floats:
-    """The same off the diagonal, rows summing to one: a large diagonal is 1 minus the rest, else the row is scaled."""
+    """Make the rows of a matrix sum to 1, in place: by their diagonal if that is large, else by scaling the row."""
     matrix[matrix < SMALLEST] = 0.0
     diagonal = matrix.diagonal().copy()
     np.fill_diagonal(matrix, 0.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -94,21 +93,8 @@ class Distribution(Shown, Tabular):
 
     def covariance(self) -> Floats:
         """Covariances (T, S, S) of the counts, about the mean as in `sd`."""
-        return np.stack([(away.T * p) @ away for away, p in self._about_the_mean()])
-
-    def covariance_bounds(self) -> tuple[Floats, Floats]:
-        """Lower and upper bounds of the covariances (T, S, S); no finite bounds where the space is not complete."""
-        value = self.covariance()
-        spans = np.stack([np.abs(away).max(axis=0) for away, _ in self._about_the_mean()])
-        # At worst all of the error is on the state farthest out, and it moves the mean.
-        slack = (self.error + self.error**2 + 2 * SLACK * len(self.space)) * spans[:, :, None] * spans[:, None, :]
-        slack = slack if self.is_complete else np.full_like(value, np.inf)
-        return value - slack, value + slack
-
-    def _about_the_mean(self) -> Iterator[tuple[Floats, Floats]]:
-        """At each time, counts (N, S) less their means, and probabilities (N,)."""
-        for mean, p in zip(self.mean(), self.probabilities, strict=True):
-            yield self.space.states - mean, p
+        away = (self.space.states - mean for mean in self.mean())
+        return np.stack([(x.T * p) @ x for x, p in zip(away, self.probabilities, strict=True)])
 
     def marginal(self, species: str) -> Floats:
         """Probabilities (T, M + 1) of 0, 1, ..., M copies of one species."""

@@ -19,7 +19,7 @@ MOST_COMPARED = 2 * 10**8  # counts, on all walks together
 
 
 def endless_growth(network: Network, reached: Ints) -> str:
-    """What grows without end from some of the states reached (N, S), in words; "" where nothing is found."""
+    """A sentence on what grows without bound from some of the states reached (N, S); "" if nothing is found."""
     needed, changes = network.sparse_reactants, network.sparse_stoichiometry
     works = changes.has_entries
     if network.rate_constants is not None:
@@ -31,7 +31,7 @@ def endless_growth(network: Network, reached: Ints) -> str:
         species, copies = needed.row(r)
         if (reached[:, species] >= copies).all(axis=1).any():
             risen = network.species[changes.row(r)[0][0]]
-            return f"channel {network.channels[r]!r} raises {risen} again and again, and uses nothing up"
+            return f"channel {network.channels[r]!r} raises {risen} without bound, and uses nothing up"
     rng = np.random.default_rng(0)
     steps = max(10, min(STEPS, int((2 * MOST_COMPARED / (WALKS * reached.shape[1])) ** 0.5)))
     walks = (_walked(network, reached[rng.integers(len(reached))], works, steps, rng) for _ in range(WALKS))
@@ -39,7 +39,7 @@ def endless_growth(network: Network, reached: Ints) -> str:
 
 
 def _walked(network: Network, start: Ints, works: NDArray[np.bool_], steps: int, rng: np.random.Generator) -> str:
-    """What a random walk leaves more of than there was at some state on it."""
+    """A sentence on species of which a random walk has more than at an earlier state, all others being no fewer."""
     needed, changes = network.sparse_reactants, network.sparse_stoichiometry
     past = np.empty((steps + 1, start.size), dtype=np.int64)
     past[0] = state = start
@@ -56,6 +56,6 @@ def _walked(network: Network, start: Ints, works: NDArray[np.bool_], steps: int,
         if less.any():
             risen = np.flatnonzero(before[np.argmax(less)] < state)
             names = ", ".join(network.species[s] for s in risen[:3])
-            return f"some channels together raise {names} again and again, and use nothing up"
+            return f"some channels together raise {names} without bound, and use nothing up"
         past[k + 1] = state
     return ""

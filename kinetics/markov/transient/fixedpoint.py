@@ -66,7 +66,7 @@ class FixedPoint:
         return total
 
     def carry(self, planes: Floats) -> Floats:
-        """The same numbers, in place, with no digit but the first beyond half the base."""
+        """Carry digits, in place, until none but the first is beyond half the base."""
         for d in range(len(planes) - 1, 0, -1):
             over = np.rint(planes[d] * 2.0**-self.bits)
             planes[d] -= over * 2.0**self.bits
@@ -83,7 +83,7 @@ class FixedPoint:
         return self.carry(planes)[:-1]
 
     def divide(self, planes: Floats, divisor: int) -> Floats:
-        """Quotient by a small whole number, in place, right to a unit of the last digit."""
+        """Divide by a small whole number, in place, exact to a unit of the last digit."""
         rest: Floats = np.zeros(planes.shape[1:])
         for d, plane in enumerate(planes):
             whole = plane + rest * 2.0**self.bits

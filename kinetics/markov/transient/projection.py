@@ -21,7 +21,7 @@ from kinetics.support.arrays import Floats, Ints
 from kinetics.support.cli.progress import limit_in_words, stage
 from kinetics.support.memory import check_memory
 
-ADVICE = "Ask for earlier times, a larger tolerance or fewer copies, sample instead, or raise max_states"
+ADVICE = "Ask for earlier times, a larger tolerance or smaller counts, sample instead, or raise max_states"
 FIRST_STEPS = 32.0  # uniformised steps of the first window; each window that goes well makes the next one longer
 MOST_STEPS = 20_000.0
 MOST_LAYERS = 8  # events that the states are extended by at a time
@@ -197,7 +197,7 @@ class _Front:
                 f"the chain is too stiff or too large for a projection: {self.time:.4g} of {self.grid[-1]:g} took "
                 f"{self.steps:.3g} steps on up to {chain.size} states, and all would take {total:.3g} or more, about "
                 f"{cost:.3g} s; at most {MAX_STEPS} steps and {limit_in_words(limit)}, which may be raised; ask for "
-                f"earlier times, lower the fastest rates, take the method 'transient' for few states, or sample"
+                f"earlier times, lower the fastest rates, use the method 'transient' if there are few states, or sample"
             )
 
     def _solve(self, search: Search) -> _Window:
@@ -222,7 +222,7 @@ class _Front:
         self.found.append((self.seen.add(np.ascontiguousarray(states[held])), mass[held]))
 
     def distribution(self) -> Distribution:
-        """What was found, on the union of all sets."""
+        """The distribution at all times, on the union of all state sets."""
         n = len(self.seen)
         check_memory(f"{n} states at {self.grid.size} times", 8.0 * n * self.grid.size, "ask for fewer times")
         probabilities = np.zeros((self.grid.size, n))
@@ -254,7 +254,7 @@ def _extend(search: Search, chosen: NDArray[np.bool_], layers: int) -> None:
 
 
 def _largest(values: Floats, rest: float) -> NDArray[np.bool_]:
-    """Where the largest values are; all others together are at most `rest`."""
+    """The places of the largest values; all others sum to at most `rest`."""
     order = np.argsort(values)
     is_large = np.ones(values.size, dtype=bool)
     is_large[order[np.cumsum(values[order]) <= rest]] = False

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinetics.kernels.outcomes import OVERFLOW
 from kinetics.markov.transient.endless import endless_growth
-from kinetics.native import twins
+from kinetics.native import state_tables
 from kinetics.network import Network
 from kinetics.network.network import check_homogeneous
 from kinetics.network.sparse_tables import SparseTable
@@ -25,8 +25,8 @@ MANY = 1024  # states whose laws are worth evaluating at once
 MOST_AHEAD = 4096  # states that are judged beside those, before they are known to be reached
 NOTHING_STOPS = np.zeros(0, dtype=bool)
 ADVICE = (
-    "Start from fewer copies, stop the network's growth, keep only the likely states by the method 'fsp', follow the "
-    "chain within some of them (`Chain.of(..., within=...)`), or sample with the direct method instead"
+    "Start from smaller counts, stop the network's growth, keep only the likely states by the method 'fsp', "
+    "truncate the chain (`Chain.of(..., truncate=...)`), or sample with the direct method instead"
 )
 
 
@@ -85,7 +85,7 @@ class Search:
         self._n = len(states)
         self._states = np.concatenate([states, states])  # room to grow into
         self._keys = keys_of(self._states, multipliers)
-        self._slots = twins.tabulate(self._keys, self._n, twins.slots_for(2 * self._n))
+        self._slots = state_tables.tabulate(self._keys, self._n, state_tables.slots_for(2 * self._n))
         self.levels = [self._n]
         places = network.channel_places
         self._laws = [(law, places[name]) for name, law in network.channel_laws.items() if works[places[name]]]
@@ -101,6 +101,10 @@ class Search:
         return self._n
 
     @property
+    def _table(self) -> state_tables.Table:
+        return self._states, self._keys, self._slots
+
+    @property
     def states(self) -> Ints:
         """The states found so far (N, S)."""
         return self._states[: self._n]
@@ -110,10 +114,9 @@ class Search:
         keys, room = keys_of(states, self._multipliers), self._n + len(states)
         if room > self._keys.size:
             room = max(room, 2 * self._n)
-            self._states, self._keys = (twins.enlarged(array, self._n, room) for array in (self._states, self._keys))
-            self._slots = twins.tabulate(self._keys, self._n, twins.slots_for(room))
+            self._states, self._keys, self._slots = state_tables.enlarged(self._table, self._n, room)
         rows = np.empty(len(states), dtype=np.int64)
-        self._n = twins.insert(states, keys, self._states, self._keys, self._slots, self._n, rows)
+        self._n = state_tables.insert(states, keys, self._table, self._n, rows)
         if self._n > self._max_states:
             raise self._too_many()
         return rows
@@ -131,7 +134,7 @@ class Search:
         """
         found, level = self._n, len(self.levels)
         level_end = self._n if end < 0 else end
-        outcome, i, last = twins.COMPLETE, begin, np.iinfo(np.int64).max if end < 0 else end
+        outcome, i, last = state_tables.COMPLETE, begin, np.iinfo(np.int64).max if end < 0 else end
         # A call ends after some tenths of a second, so that an interrupt is heard.
         piece = max(1, CHUNK // (len(self._network.species) + len(self._network.channels)))
         is_asked = end >= 0 or self._stop is not None or self._max_states <= DOUBTFUL
@@ -140,22 +143,22 @@ class Search:
                 is_asked = True
                 self._check_end()
             before, upto = i, min(i + (piece if is_asked else MANY), last)
-            now = twins.explore(
-                *self._channels, self._states, self._keys, self._slots, self._n, i, upto, level_end,
-                is_stopped, *(self._judged if self._laws or self._stop else self._unjudging), self._max_states,
+            now = state_tables.explore(
+                self._channels, self._table, self._n, i, upto, level_end, is_stopped,
+                *(self._judged if self._laws or self._stop else self._unjudging), self._max_states,
             )  # fmt: skip
-            self._states, self._keys, self._slots, self._n, i, level_end, outcome, sizes = now
+            (self._states, self._keys, self._slots), self._n, i, level_end, outcome, sizes = now
             self._asked += i - before
             self.levels += [int(size) for size in sizes if size]
             if outcome == OVERFLOW:
                 raise ValueError("a count grows beyond 2**63 - 1")
-            if outcome == twins.UNJUDGED:
+            if outcome == state_tables.UNJUDGED:
                 self._judge(i, min(self._n, last), is_stopped)
-            elif outcome != twins.COMPLETE:
+            elif outcome != state_tables.COMPLETE:
                 break
         if self._n > level_end:
             self.levels.append(self._n - level_end)
-        if outcome == twins.TOO_MANY:
+        if outcome == state_tables.TOO_MANY:
             raise self._too_many()
         if self._laws:
             self._order(found, self.levels[level:])
@@ -189,14 +192,14 @@ class Search:
     def _with_more(self, front: Ints) -> Ints:
         """The states (n, S), and some that they may lead to."""
         keys = keys_of(front, self._multipliers)
-        slots, n = twins.tabulate(keys, len(front), twins.slots_for(len(front))), len(front)
-        found = twins.explore(
-            *self._channels, front.copy(), keys, slots, n, 0, n + self._ahead, n, NOTHING_STOPS,
-            *self._unjudging, n + self._ahead,
-        )  # fmt: skip
-        return found[0][: found[3]]
+        slots, n = state_tables.tabulate(keys, len(front), state_tables.slots_for(len(front))), len(front)
+        most = n + self._ahead
+        (states, *_), n, *_ = state_tables.explore(
+            self._channels, (front.copy(), keys, slots), n, 0, most, n, NOTHING_STOPS, *self._unjudging, most
+        )
+        return states[:n]
 
-    def _as_judged(self, states: Ints) -> tuple[tuple[Ints, NDArray[np.uint64], Ints], twins.Verdicts]:
+    def _as_judged(self, states: Ints) -> tuple[state_tables.Table, state_tables.Verdicts]:
         """A table of the states (n, S), and what happens in them."""
         keys = keys_of(states, self._multipliers)
         stops = self._stops(states) if len(states) else np.zeros(0, dtype=bool)
@@ -204,7 +207,7 @@ class Search:
         going = states[~stops]
         for k, (law, r) in enumerate(self._laws if len(going) else []):
             works[~stops, k] = self._factor(r) * law.values(going, 0.0) > 0.0
-        slots = twins.tabulate(keys, len(states), twins.slots_for(max(len(states), 1)))
+        slots = state_tables.tabulate(keys, len(states), state_tables.slots_for(max(len(states), 1)))
         return (np.ascontiguousarray(states), keys, slots), (stops, works, self._law_of)
 
     def _stops(self, states: Ints) -> Mask:
@@ -227,7 +230,7 @@ class Search:
         order = np.lexsort([*columns, level])
         self._states[found : self._n] = new[order]
         self._keys[found : self._n] = self._keys[found : self._n][order]
-        self._slots = twins.tabulate(self._keys, self._n, self._slots.size)
+        self._slots = state_tables.tabulate(self._keys, self._n, self._slots.size)
 
     def _check_end(self) -> None:
         growth = endless_growth(self._network, self.states)
@@ -259,7 +262,7 @@ class Search:
 
 
 def state_bytes(n_species: int) -> int:
-    """What a state takes: its counts, of which a chain keeps a copy, its key, and its slots in the table of keys."""
+    """Bytes that a state takes: its counts, the chain's copy of them, its key, and its slots in the table of keys."""
     return 8 * (2 * n_species + 1 + 4)
 
 
@@ -275,7 +278,7 @@ def keys_of(states: Ints, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]
 
 
 def key_changes_of(changes: SparseTable, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """What each channel (R,) adds to a key."""
+    """The change (R,) of a state's key when each channel fires."""
     parts = changes.copies.astype(np.uint64) * multipliers[changes.columns]
     sums = np.append(np.zeros(1, dtype=np.uint64), np.cumsum(parts, dtype=np.uint64))
     return sums[changes.starts[1:]] - sums[changes.starts[:-1]]

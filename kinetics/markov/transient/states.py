@@ -21,7 +21,7 @@ from kinetics.markov.transient.search import (
     keys_of,
 )
 from kinetics.markov.transient.transitions import RATE_ERROR, Transitions
-from kinetics.native import twins
+from kinetics.native import state_tables
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints, integers, read_only, whole_number
 
@@ -85,14 +85,14 @@ class StateSpace:
     def _table(self) -> StateTable:
         multipliers = key_multipliers(len(self.network.species))
         keys = keys_of(self.states, multipliers)
-        return StateTable(multipliers, keys, twins.tabulate(keys, keys.size, twins.slots_for(keys.size)))
+        return StateTable(multipliers, keys, state_tables.tabulate(keys, keys.size, state_tables.slots_for(keys.size)))
 
     def index_of(self, states: ArrayLike) -> NDArray[np.intp]:
         """Rows (...) of states (..., S); -1 for a state that is not among these."""
         asked = np.ascontiguousarray(states, dtype=np.int64)
         flat = asked.reshape(-1, len(self.network.species))
         table = self._table
-        rows = twins.find(flat, keys_of(flat, table.multipliers), self.states, table.keys, table.slots)
+        rows = state_tables.find(flat, keys_of(flat, table.multipliers), (self.states, table.keys, table.slots))
         return rows.reshape(asked.shape[:-1])
 
     def rows_with(self, counts: Mapping[str, int] | ArrayLike) -> NDArray[np.intp]:
@@ -123,10 +123,10 @@ class StateSpace:
             propensities = network.propensities(_unless(self.is_stopped[part], self.states[part]))
             propensities[self.is_stopped[part]] = 0.0
             propensities[:, ~changes.has_entries] = 0.0  # A -> A changes nothing
-            ends = twins.neighbours(
-                begin, propensities, entries_of(changes), key_changes, self.states, table.keys, table.slots
+            ends = state_tables.neighbours(
+                begin, propensities, entries_of(changes), key_changes, (self.states, table.keys, table.slots)
             )
-            leaks[part] = np.where(ends == twins.OUTSIDE, propensities, 0.0).sum(axis=1)
+            leaks[part] = np.where(ends == state_tables.OUTSIDE, propensities, 0.0).sum(axis=1)
             here, channels = np.nonzero(ends >= 0)
             rows.append(here + begin)
             columns.append(ends[here, channels])

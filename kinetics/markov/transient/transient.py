@@ -63,7 +63,7 @@ class Transient(ListingMethod):
         """Probabilities of all states, by one pass of steps for all times."""
         n = transitions.size
         # the answer, and the vectors that are mixed
-        advice = "ask for fewer times, or start from fewer copies"
+        advice = "ask for fewer times, or start from smaller counts"
         check_memory(
             f"{n} states at {grid.size} times", 8.0 * n * grid.size + min(8.0 * n * BLOCK, BLOCK_BYTES), advice
         )
@@ -75,13 +75,13 @@ class Transient(ListingMethod):
             raise ValueError(
                 f"the chain is too stiff for uniformisation: {steps:.3g} steps until {grid[-1]:g}, at most "
                 f"{MAX_STEPS}, and its {n} states are too many for collocation and the dense method; ask for earlier "
-                f"times, start from fewer copies, or sample with the direct method"
+                f"times, start from smaller counts, or sample with the direct method"
             )
         if seconds > self.max_seconds:
             raise ValueError(
                 f"{n} states would take {steps:.3g} steps until {grid[-1]:g}, up to {seconds:.3g} s; "
                 f"{limit_in_words(self.max_seconds)}; raise it, ask for earlier times, "
-                f"start from fewer copies, or sample with the direct method"
+                f"start from smaller counts, or sample with the direct method"
             )
         forecast(seconds, f"{rough(steps)} steps over {n} states")
         found, _, error = mixtures(chain, start, grid, self.tolerance)

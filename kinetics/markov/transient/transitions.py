@@ -51,12 +51,12 @@ class Transitions(NamedTuple):
 
     @property
     def is_certified(self) -> bool:
-        """Whether the errors of the rates are bounded, and rates that are 0 are known to be 0."""
+        """True if the errors of the rates are bounded, and rates of 0 are known to be 0."""
         return bool(np.isfinite(self.rate_error))
 
     @property
     def roundings(self) -> float:
-        """What errors are computed with: the bound, or for an estimate where there is none, that of mass action."""
+        """The rate error that error bounds use: the proven one, or the one of mass action, for an estimate."""
         return self.rate_error if self.is_certified else RATE_ERROR
 
     def stopped(self, is_stopped: NDArray[np.bool_]) -> Transitions:

@@ -39,12 +39,14 @@ typedef struct {
     int64_t n;
 } ChainMoves;
 
+/* Where the search for a key begins: its bits mixed, modulo a power of two. Collisions go on to the next slot. */
 INLINE int64_t first_slot(uint64_t key, int64_t n_slots)
 {
     const uint64_t mixed = (key ^ (key >> 29)) * 0x9E3779B97F4A7C15u;
     return (int64_t)((mixed ^ (mixed >> 32)) & (uint64_t)(n_slots - 1));
 }
 
+/* Enter a row under its key into the first free slot. */
 INLINE void put(uint64_t key, int64_t row, int64_t *slots, int64_t n_slots)
 {
     int64_t slot = first_slot(key, n_slots);
@@ -53,6 +55,7 @@ INLINE void put(uint64_t key, int64_t row, int64_t *slots, int64_t n_slots)
     slots[slot] = row;
 }
 
+/* Make the hash table anew from the keys of n rows. */
 void tabulate(const uint64_t *keys, int64_t n, int64_t *slots, int64_t n_slots)
 {
     for (int64_t i = 0; i < n_slots; i++)
@@ -74,6 +77,7 @@ INLINE int64_t row_of(const HashedStates *space, const int64_t *state, uint64_t 
     return EMPTY;
 }
 
+/* The rows of states asked for; EMPTY for those not in the table. */
 void find(const int64_t *asked, const uint64_t *asked_keys, int64_t n, const HashedStates *space, int64_t *rows)
 {
     for (int64_t i = 0; i < n; i++)
@@ -150,6 +154,7 @@ INLINE int add_state(const HashedStates *space, int64_t i, uint64_t key, const S
     return outcome;
 }
 
+/* Whether channel r can fire in state i under mass action. */
 INLINE int has_reactants(const HashedStates *space, int64_t i, const SparseRows *needed, int64_t r)
 {
     int is_able = 1;
@@ -158,6 +163,8 @@ INLINE int has_reactants(const HashedStates *space, int64_t i, const SparseRows 
     return is_able;
 }
 
+/* Breadth-first search: fire every possible channel from state p->i on, and append the states that are new. A level is
+ * the states that one more event leads to. Returns at UNJUDGED when a state's laws must be evaluated first. */
 int explore(const SparseRows *needed, const SparseRows *changes, const uint64_t *key_changes, int64_t n_channels,
             const HashedStates *space, int64_t end, const char *is_stopped, int64_t n_stopped, const HashedStates *judged,
             const StateVerdicts *verdicts, int64_t most, int64_t *sizes, int64_t most_levels, SearchProgress *p)
@@ -194,6 +201,7 @@ int explore(const SparseRows *needed, const SparseRows *changes, const uint64_t 
     return COMPLETE;
 }
 
+/* For n states from `begin` on, the row that each channel leads to; EMPTY if its propensity is 0. */
 void neighbours(int64_t begin, const double *propensities, int64_t n, int64_t n_channels, const SparseRows *changes,
                 const uint64_t *key_changes, const HashedStates *space, int64_t *ends)
 {
@@ -218,17 +226,20 @@ INLINE double one_step(const ChainMoves *steps, const double *now, double *after
             inflow += steps->shares[k] * now[steps->sources[k]];
         const double outflow = steps->exits[i] * now[i];
         flow += outflow;
+        /* Never negative: a rounded product with exits <= 1 is no larger than the probability itself. */
         after[i] = now[i] + (inflow - outflow);
     }
     return flow;
 }
 
+/* Uniformisation: fill the vectors after the first, each p P of the one before. */
 void advance(const ChainMoves *steps, double *vectors, double *flows, int64_t n_steps)
 {
     for (int64_t b = 0; b < n_steps; b++)
         flows[b] = one_step(steps, vectors + b * steps->n, vectors + (b + 1) * steps->n);
 }
 
+/* Steps on a chain whose last state is never left; before each, note its mass and that of all others. */
 void absorb(const ChainMoves *steps, double *vector, double *other, double *absorbed, double *alive, double *flows, int64_t n_steps)
 {
     double *now = vector, *after = other;
@@ -275,6 +286,7 @@ void retreat(const ChainMoves *steps, const int64_t *starts, const double *chanc
         }
 }
 
+/* mixed[rows[a]] += sum over b of weights[a, b] vectors[b], the Poisson mixture, in tiles that stay in the cache. */
 CLONES void mix(const int64_t *rows, const double *weights, int64_t n_rows, int64_t n_steps, const double *vectors,
                 int64_t n, double *mixed)
 {

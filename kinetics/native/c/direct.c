@@ -12,6 +12,7 @@ typedef struct {
     int64_t *counts;     /* (S,) */
 } Room;
 
+/* The propensity of a channel of any order: its coefficient times falling factors of the counts. */
 INLINE double factored(const Model *model, int64_t r, const int64_t *counts)
 {
     double propensity = model->coefficients[r];
@@ -23,9 +24,11 @@ INLINE double factored(const Model *model, int64_t r, const int64_t *counts)
     return propensity;
 }
 
+/* Step 1 of the direct method: all propensities and their running sums by blocks; returns their sum a_0. */
 INLINE double total_propensity(const Model *model, const Room *room)
 {
     double *copies = room->copies, part = 0.0, total = 0.0;
+    /* Sums over partners that merged channels share; their channels read them like counts. */
     for (int64_t k = 0; k < model->n_terms; k++) {
         const double *term = model->terms + 4 * k;
         part += term[0] * (copies[(int64_t)term[1]] - term[2]);
@@ -54,6 +57,8 @@ INLINE double total_propensity(const Model *model, const Room *room)
     return total;
 }
 
+/* Step 3: the first channel whose running sum exceeds the target (eq. 21b). If rounding makes the target too large, the
+ * second comparison stops at the last positive propensity: no channel without reactants fires. */
 INLINE int64_t chosen_channel(const Room *room, double target, double total)
 {
     int64_t block = 0;
@@ -107,6 +112,7 @@ static RARE int overflowed(const Model *model, const Room *room, int64_t channel
     return OVERFLOW_;
 }
 
+/* Put a run at its initial counts. */
 static void begin(const Model *model, const int64_t *counts, const Room *room)
 {
     for (int64_t k = 0; k < model->n_species; k++) {
@@ -153,6 +159,7 @@ INLINE int advance(const Model *model, const Room *room, const double *grid, int
         outcome = next_time(t, total, s, &later, at->clock);
         if (outcome != UNFINISHED)
             break;
+        /* Counts are constant until the event: write them at all times of the grid before it. */
         for (; passed < n_times && grid[passed] < later; passed++)
             memcpy(out + passed * n_species, room->counts, (size_t)n_species * sizeof *out);
         if (passed == n_times) {
@@ -167,7 +174,7 @@ INLINE int advance(const Model *model, const Room *room, const double *grid, int
             break;
         }
         n_events++;
-        if (stop && stop->is_watched[chosen] && holds(stop, room->counts))
+        if (stop && stop->affects_stop[chosen] && holds(stop, room->counts))
             outcome = STOPPED;
     }
     memcpy(at->stream, s, sizeof s);
@@ -187,6 +194,7 @@ static int go_on_until(const Model *model, const Room *room, const double *grid,
     return advance(model, room, grid, n_times, last, at, out, stop);
 }
 
+/* One block of memory, divided among the arrays of a workspace; NULL if there is none. */
 static double *make_room(const Model *model, const int64_t *counts, Room *room)
 {
     const int64_t n_species = model->n_species, n_slots = model->n_blocks * BLOCK;
@@ -281,7 +289,7 @@ int events(const Model *model, int64_t *counts, double *clock, const double *end
         }
         times[*n_events] = t;
         fired[(*n_events)++] = channel;
-        if (stop && stop->is_watched[channel] && holds(stop, room.counts))
+        if (stop && stop->affects_stop[channel] && holds(stop, room.counts))
             outcome = STOPPED;
     }
     if (memory)

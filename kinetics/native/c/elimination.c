@@ -5,6 +5,8 @@
 
 #define AT(i, j) band[(i) * (2 * b + 1) + (j) - (i) + b]
 
+/* For k = end - 1, ..., begin: S_k = l_k + sum over j < k of q_kj, then for i, j < k q_ij += (q_ik / S_k) q_kj and
+ * l_i += (q_ik / S_k) l_k. */
 int64_t reduce_band(double *band, double *leaving, double *exits, int64_t begin, int64_t end, int64_t b)
 {
     int64_t changes = 0;
@@ -34,6 +36,8 @@ int64_t reduce_band(double *band, double *leaving, double *exits, int64_t begin,
     return changes;
 }
 
+/* Reward accumulated until exit at reward rates x: for falling k, x_i += (q_ik / S_k) x_k; then for rising k,
+ * x_k = (x_k + sum over j < k of q_kj x_j) / S_k. */
 int solve_band(const double *band, const double *exits, double *x, int64_t n, int64_t b)
 {
     for (int64_t k = n - 1; k > 0; k--)
@@ -51,6 +55,8 @@ int solve_band(const double *band, const double *exits, double *x, int64_t n, in
     return 1;
 }
 
+/* Expected time in each state from a start spread as x: for falling k, x_k /= S_k and x_j += x_k q_kj; then for
+ * rising k, x_k += sum over i < k of x_i q_ik / S_k. */
 int occupy_band(const double *band, const double *exits, double *x, int64_t n, int64_t b)
 {
     for (int64_t k = n - 1; k >= 0; k--) {

@@ -117,6 +117,8 @@ INLINE int64_t move_clocks(Work *work, int64_t active)
     return n_crossed;
 }
 
+/* Step 3 of the direct method in every lane, without branches: the channel is the number of running sums not above the
+ * target. A lane without an event has an infinite target, and channel R, which changes nothing. */
 INLINE void choose(Work *work, int64_t active)
 {
     const Model *model = work->model;
@@ -146,6 +148,7 @@ INLINE void choose(Work *work, int64_t active)
     }
 }
 
+/* Step 4: change the counts, by whole rows for few species. */
 INLINE void fire(Work *work, int64_t active)
 {
     const Model *model = work->model;
@@ -179,6 +182,7 @@ CLONES static void finish_step(Work *work, int64_t active)
     fire(work, active);
 }
 
+/* Take up the next run in a lane. */
 static void begin_lane(Work *work, int64_t lane, const int64_t *initial, const double *grid, const uint64_t *key,
                        int64_t first_run, const int64_t *limits)
 {
@@ -193,6 +197,7 @@ static void begin_lane(Work *work, int64_t lane, const int64_t *initial, const d
     work->still[lane] = 0, work->stood[lane] = -1;
 }
 
+/* Move the lanes in use together after runs have ended; returns their number. */
 static int64_t closed_ranks(Work *work, int64_t active)
 {
     const int64_t n_rows = work->model->n_species + 1 + work->model->n_sums;
@@ -315,7 +320,7 @@ void lockstep(const Model *model, Work *work, const int64_t *initial, const doub
         finish_step(work, active);
         const int64_t n_asked = stop && !none_holds(work, stop, active) ? active : 0;
         for (int64_t lane = 0; lane < n_asked; lane++) {
-            if (work->run[lane] < 0 || !stop->is_watched[work->chosen[lane]] || !holds(work, stop, lane))
+            if (work->run[lane] < 0 || !stop->affects_stop[work->chosen[lane]] || !holds(work, stop, lane))
                 continue;
             reached[work->run[lane]] = work->t[lane];
             for (int64_t k = work->seen[lane]; k < n_times; k++)

@@ -8,12 +8,14 @@ typedef struct {
     double high, low;
 } Pair;
 
+/* The sum of two doubles and its rounding error, exactly (Knuth). */
 static Pair two_sum(double a, double b)
 {
     const double total = a + b, part = total - a;
     return (Pair){total, (a - (total - part)) + (b - part)};
 }
 
+/* The product of two doubles and its rounding error, exactly (Dekker), by halves of 26 bits (Veltkamp). */
 static Pair two_product(double a, double b)
 {
     const double product = a * b;
@@ -24,12 +26,14 @@ static Pair two_product(double a, double b)
     return (Pair){product, ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low};
 }
 
+/* A double times a pair. */
 static Pair scaled(double a, Pair x)
 {
     const Pair product = two_product(a, x.high);
     return two_sum(product.high, product.low + a * x.low);
 }
 
+/* The sum of two pairs, with a relative error of at most 2**-104. */
 static Pair added(Pair x, Pair y)
 {
     Pair total = two_sum(x.high, y.high);
@@ -43,6 +47,7 @@ static Pair minus(Pair x)
     return (Pair){-x.high, -x.low};
 }
 
+/* Take leaving_i x_i off every residual; `sizes` sums what was taken off or added, for the bound on rounding. */
 static void leave(const double *leaving, int64_t n, const double *high, const double *low, Pair *left, double *sizes)
 {
     for (int64_t i = 0; i < n; i++) {
@@ -51,6 +56,7 @@ static void leave(const double *leaving, int64_t n, const double *high, const do
     }
 }
 
+/* The residual of A x: by differences x_i - x_j, so that an exit rate is never summed and subtracted again. */
 void earned(const int64_t *rows, const int64_t *columns, const double *rates, int64_t n_rates, const double *leaving,
             int64_t n, const double *high, const double *low, Pair *left, double *sizes)
 {
@@ -63,6 +69,7 @@ void earned(const int64_t *rows, const int64_t *columns, const double *rates, in
     }
 }
 
+/* The residual of x A: each flow leaves state i and enters state j. */
 void occupied(const int64_t *rows, const int64_t *columns, const double *rates, int64_t n_rates, const double *leaving,
               int64_t n, const double *high, const double *low, Pair *left, double *sizes)
 {
@@ -77,6 +84,7 @@ void occupied(const int64_t *rows, const int64_t *columns, const double *rates, 
     }
 }
 
+/* Add a correction to a solution in pairs. */
 void corrected(double *high, double *low, const double *change, int64_t n)
 {
     for (int64_t i = 0; i < n; i++) {

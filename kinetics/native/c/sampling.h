@@ -18,7 +18,7 @@ typedef struct {
 /* The condition at which runs end: see `ensemble_work.Stop`, whose table has these entries of a comparison. */
 enum { LOW, HIGH, YES, NO, N_TERMS, TERMS };
 typedef struct {
-    const char *is_watched; /* (G + 1,) */
+    const char *affects_stop; /* (G + 1,) */
     const double *table;
 } Stop;
 

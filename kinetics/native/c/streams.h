@@ -40,6 +40,7 @@ INLINE uint64_t as_bits(double value)
     return bits;
 }
 
+/* A word of the state of a run's stream: SplitMix64 of the key, at the number of the run. */
 INLINE uint64_t stream_word(uint64_t key, int64_t run)
 {
     uint64_t z = key + (uint64_t)(run + 1) * 0x9E3779B97F4A7C15u;
@@ -54,6 +55,7 @@ INLINE void start_stream(const uint64_t *key, int64_t run, uint64_t *stream)
         stream[j] = stream_word(key[j], run);
 }
 
+/* xoshiro256++ (Blackman & Vigna 2021, doi:10.1145/3460772). */
 INLINE uint64_t next_word(uint64_t *s0, uint64_t *s1, uint64_t *s2, uint64_t *s3)
 {
     const uint64_t mixed = *s0 + *s3;
@@ -76,11 +78,14 @@ INLINE double converted(uint64_t number)
     return high + low;
 }
 
+/* Uniform in [0, 1): the upper 53 bits. */
 INLINE double uniform(uint64_t word)
 {
     return converted(word >> 11) * 0x1p-53;
 }
 
+/* A unit exponential, -ln(1 - u), u from the upper 53 bits and never 0: by 1 - u = 2**k m with m in [0.707, 1.414), and
+ * ln m = 2 artanh(s), s = (m - 1) / (m + 1), as a series whose order of additions streams.py shares. */
 INLINE double exponential(uint64_t word)
 {
     uint64_t bits = word >> 11;

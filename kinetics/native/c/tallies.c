@@ -2,6 +2,7 @@
 
 #include <stdint.h>
 
+/* Extend the range of each cell by the counts of more runs. */
 void extend_range(const int64_t *counts, int64_t runs, int64_t n, int64_t *low, int64_t *high)
 {
     for (int64_t i = 0; i < runs; i++)
@@ -12,6 +13,7 @@ void extend_range(const int64_t *counts, int64_t runs, int64_t n, int64_t *low, 
         }
 }
 
+/* Bins of width 2**shift, the narrowest with which n_bins of them hold the range; origin is the first bin. */
 void fit_bins(const int64_t *low, const int64_t *high, int64_t n, int64_t n_bins, int64_t *shift, int64_t *origin)
 {
     for (int64_t c = 0; c < n; c++) {
@@ -23,6 +25,7 @@ void fit_bins(const int64_t *low, const int64_t *high, int64_t n, int64_t n_bins
     }
 }
 
+/* Move histograms to wider bins, or to another origin. */
 void rebin(int64_t *histogram, int64_t n, int64_t n_bins, const int64_t *shift, const int64_t *origin,
            const int64_t *new_shift, const int64_t *new_origin, int64_t *row)
 {
@@ -41,6 +44,7 @@ void rebin(int64_t *histogram, int64_t n, int64_t n_bins, const int64_t *shift, 
     }
 }
 
+/* Count runs into the bins. */
 void tally(const int64_t *counts, int64_t runs, int64_t n, int64_t n_bins, const int64_t *shift, const int64_t *origin,
            int64_t *histogram)
 {
@@ -49,6 +53,7 @@ void tally(const int64_t *counts, int64_t runs, int64_t n, int64_t n_bins, const
             histogram[c * n_bins + (counts[i * n + c] >> shift[c]) - origin[c]]++;
 }
 
+/* Sums and products of counts less a reference count, which keeps them small enough to be exact. */
 void add_products(const int64_t *counts, int64_t runs, int64_t n_times, int64_t n_species, const int64_t *reference,
                   const int64_t *first, const int64_t *second, int64_t n_pairs, int64_t *sums, int64_t *products,
                   int64_t *off)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import cast
 
 from kinetics.network.laws.expression import Expression
+from kinetics.support.frozen import set_fields
 
 
 @dataclass(frozen=True)
@@ -57,9 +58,8 @@ class Event:
             raise ValueError(f"event {self.name!r} changes nothing; give it new counts, such as {{'S': 'S + 10'}}")
         if not math.isfinite(self.priority):
             raise ValueError(f"event {self.name!r} has priority {self.priority}; expected a finite number")
-        object.__setattr__(self, "when", self._parsed(self.when))
-        object.__setattr__(self, "assign", {name: self._parsed(value) for name, value in self.assign.items()})
-        object.__setattr__(self, "delay", self._parsed(self.delay))
+        when, assign = self._parsed(self.when), {name: self._parsed(value) for name, value in self.assign.items()}
+        set_fields(self, when=when, assign=assign, delay=self._parsed(self.delay))
         if not self.condition.is_condition:
             came = self.condition.text
             raise ValueError(f"event {self.name!r}: {came!r} is no condition; expected one such as 't >= 50'")
@@ -143,7 +143,7 @@ def checked_events(events: Sequence[Event], species: Mapping[str, int]) -> tuple
     seen: set[str] = set()
     for event in checked:
         if event.name in seen:
-            raise ValueError(f"events has {event.name!r} twice; every name must differ")
+            raise ValueError(f"events has {event.name!r} twice; names must be unique")
         seen.add(event.name)
         event.check_names(species)
     return checked

@@ -13,6 +13,7 @@ from kinetics.network.checks import some_names
 from kinetics.network.laws.graph import TRUTHS, Code, Graph, Node
 from kinetics.network.laws.reading import RESERVED, TIME, check_length, node_of, shortened
 from kinetics.network.laws.writing import quoted, text_of
+from kinetics.support.frozen import set_fields
 
 
 @dataclass(frozen=True)
@@ -41,8 +42,7 @@ class Expression:
         if not isinstance(self.text, str) or not self.text.strip():
             raise ValueError(f"{self.text!r} is no expression; expected text such as 'k * A * B'")
         check_length(self.text)
-        object.__setattr__(self, "text", " ".join(self.text.split()))
-        parameters = {}
+        text, parameters, graph = " ".join(self.text.split()), {}, Graph()
         for name, value in self.parameters.items():
             is_number = isinstance(value, int | float) or hasattr(value, "__float__")
             if isinstance(value, bool | str) or not is_number or not math.isfinite(value):
@@ -50,30 +50,27 @@ class Expression:
             if name in RESERVED:
                 raise ValueError(f"a parameter cannot be called {name!r}: that is {_meaning(name)}")
             parameters[name] = float(value)
-        object.__setattr__(self, "parameters", parameters)
-        graph = Graph()
-        object.__setattr__(self, "formula", graph.formula(node_of(self.text, graph)))
+        set_fields(self, text=text, parameters=parameters, formula=graph.formula(node_of(text, graph)))
 
     @classmethod
     def of(cls, formula: Sequence[Node], parameters: Mapping[str, float] | None = None) -> Expression:
         """An expression of nodes, as `Graph.formula` hands them out; its text is made when it is first asked for."""
         made = object.__new__(cls)
-        object.__setattr__(made, "parameters", dict(parameters or {}))
-        object.__setattr__(made, "formula", tuple(formula))
+        set_fields(made, parameters=dict(parameters or {}), formula=tuple(formula))
         return made
 
     def __getattr__(self, name: str) -> str:
         """The text of an expression that was made of nodes."""
         if name != "text" or "formula" not in self.__dict__:
             raise AttributeError(f"an expression has no {name!r}")
-        object.__setattr__(self, "text", text_of(self.formula))
+        set_fields(self, text=text_of(self.formula))
         return self.text
 
     def with_parameters(self, values: Mapping[str, float]) -> Expression:
         """A copy with new values for the named parameters; the others keep theirs."""
         made = copy(self)
-        known = {**self.parameters, **{name: values[name] for name in self._names if name in values}}
-        object.__setattr__(made, "parameters", known)
+        given = {name: values[name] for name in self._names if name in values}
+        set_fields(made, parameters={**self.parameters, **given})
         return made
 
     def with_numbers(self, kept: Collection[str] = ()) -> Expression:

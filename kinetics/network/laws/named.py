@@ -88,7 +88,7 @@ def periodic(k: float, amplitude: float, period: float, reactants: Mapping[str, 
     'k * (1 + amplitude * cos(2 * pi * (t - peak) / period)) * A'
     """
     if not 0 <= amplitude <= 1:
-        raise ValueError(f"amplitude = {amplitude}; expected between 0 and 1, so that the rate never is below 0")
+        raise ValueError(f"amplitude = {amplitude}; expected between 0 and 1, so that the rate is never below 0")
     values = {"k": _positive("k", k), "amplitude": amplitude, "period": _above_0("period", period), "peak": peak}
     wave = "k * (1 + amplitude * cos(2 * pi * (t - peak) / period))"
     return Expression(f"{wave}{_combinations(reactants)}", values)
@@ -120,7 +120,7 @@ def _combinations(reactants: Mapping[str, int]) -> str:
 def _steps(of: str, what: str, places: Sequence[float], rates: Sequence[float]) -> Expression:
     if len(rates) != len(places) + 1 or not places:
         raise ValueError(
-            f"{len(places)} {what} and {len(rates)} rates; expected one rate more, and at least one of them"
+            f"{len(places)} {what} and {len(rates)} rates; expected one more rate, and at least one of each"
         )
     if not all(one < other for one, other in pairwise(places)):
         raise ValueError(f"{what} must rise; {list(places)} came")

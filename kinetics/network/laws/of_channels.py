@@ -91,12 +91,9 @@ class ChannelLaw:
         where = f"at {state_text(list(self.places), state)}" + (f", t = {time:.17g} tu" if self.law.reads_time else "")
         came = f"the law of channel {self.channel!r}, {self.law}, is {value:g} {where}"
         if self.at_zero == "refuse" and value > 0 and np.any(state[self.needed[0]] < self.needed[1]):
-            return (
-                f"{came}, where its reactants are missing; correct the law, or let it wait for them with "
-                f"at_zero='block'"
-            )
+            return f"{came}, where its reactants are missing; correct the law, or block it there with at_zero='block'"
         return (
-            f"{came}; expected a finite number of at least 0: correct it, or write max(0, ...) or piecewise(...) where "
+            f"{came}; expected a finite number of at least 0: correct it, or write max(0, ...) or piecewise(...) if "
             f"that is meant"
         )
 

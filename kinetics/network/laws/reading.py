@@ -140,6 +140,16 @@ def node_of(text: str, graph: Graph, name: Callable[[str], int] | None = None, d
     return _Reading(text, graph, name, dialect or OURS).whole()
 
 
+def written(text: str, graph: Graph, **parts: int) -> int:
+    """The node of a formula of ours, the names in which stand for these nodes.
+
+    >>> graph = Graph()
+    >>> graph.formula(written("sqrt(x * x + 1)", graph, x=graph.name("A")))[-1].code.name
+    'SQRT'
+    """
+    return node_of(text, graph, parts.__getitem__)
+
+
 class _Open(NamedTuple):
     """An operator, a bracket or a call that waits for what follows. level : 0 for brackets, which nothing passes."""
 
@@ -313,7 +323,7 @@ def plain_name(graph: Graph, name: str) -> int:
     if name in FUNCTIONS:
         raise ValueError(f"{name!r} is a function; expected arguments after it")
     if keyword.iskeyword(name):
-        raise ValueError(f"{name!r} is no name here; one that a species has is quoted")
+        raise ValueError(f"{name!r} is not a name here; quote it if it is a species")
     return graph.name(name)
 
 

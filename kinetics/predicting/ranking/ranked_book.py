@@ -84,7 +84,7 @@ def pathway(derivation: Derivation, rates: ClassRates) -> tuple[str, ...]:
 
 
 def target_shape(book: RuleBook) -> Structure:
-    """Where the target's cubes are, turned into a common form; letters and faces are each book's own matter."""
+    """The positions of a target's cubes in canonical orientation, without letters and faces, to compare books by."""
     target = _target(book)
     n = len(target)
     return Structure(target.positions, (0,) * n, ("x",) * n).canonical("one")
@@ -156,5 +156,5 @@ def ranked_book(
 
 def _target(book: RuleBook) -> Structure:
     if book.target is None:
-        raise ValueError(f"book {book.name!r} names no target; add one, so that there is something to rank by")
+        raise ValueError(f"book {book.name!r} has no target; add one to rank it")
     return book.target

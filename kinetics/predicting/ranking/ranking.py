@@ -135,16 +135,16 @@ class Ranking(Shown, Tabular):
             f"{self.cubes} cubes, ranked by {self.by}",
             f"yield: targets at {self.horizon:g} tu over the {self.possible} possible",
             f"first: mean time to the first target, {self.horizon:g} in runs without one; reached: share with one",
-            "value (sd of a run), exact by so many states, or ± 95 % confidence by so many runs"
+            "value (sd of a run), solved on so many states, or ± 95 % confidence from so many runs"
             + ("; []: 95 % from the rates" if self.draws else ""),
         ]
         places = {candidate.name: place for candidate, place in zip(self.books, self.places, strict=True)}
         if len(set(places.values())) < len(places):
-            lines.append(f"= books that their {self.by} does not tell apart from the first one of that place")
+            lines.append(f"= books whose {self.by} cannot be distinguished from the first of that rank")
         for name, place in places.items():
             ties = [other for other in self.ties_of(name) if places[other] < place]
             if ties:
-                lines.append(f"{name} is not told apart from {', '.join(ties)} either")
+                lines.append(f"{name} cannot be distinguished from {', '.join(ties)} either")
         if self.unfinished:
             lines.append(f"interrupted before {', '.join(self.unfinished)}")
         return [*lines, *self.notes]
@@ -269,7 +269,7 @@ def rank(
     sequence = np.random.SeedSequence(seed, spawn_key=(1,))
     # Draws of rates that are all taken as known would differ by nothing but noise.
     drawn = rates.draws(np.random.default_rng(sequence), draws) if draws and len(bare) < len(used) else []
-    notes = (f"the rates' intervals leave out {', '.join(bare)}: taken as known, because without evidence",)
+    notes = (f"the rates' intervals exclude {', '.join(bare)}: taken as exact, because without evidence",)
     finished: list[RankedBook] = []
     try:
         for number, one in enumerate(derivations, 1):
@@ -318,7 +318,7 @@ def _check(books: Sequence[RuleBook], cubes: int, horizon: float, by: str) -> No
                 f"books {books[0].name!r} and {book.name!r} make different targets; rank books of one target"
             )
     if len({book.seed_letter is None for book in books}) > 1:
-        raise ValueError("some of these books grow one target from a seed, others many without; rank them apart")
+        raise ValueError("some of these books grow one target from a seed, others many without; rank them separately")
     whole_number("cubes", cubes, 1)
     if possible_targets(books[0], cubes) == 0:
         raise ValueError(f"{cubes} cubes do not suffice for a target of {len(shapes[0])}; give more")

@@ -116,7 +116,7 @@ def _exact_passage(model: Model, target: str, end: float, max_states: int) -> li
 
 
 def first_by(chain: Chain, goal: Mask, horizon: float) -> tuple[Answer, Answer, float]:
-    """Mean of min(T, horizon), tu, with T the time until the goal (N,); P(T <= horizon); sd of the first.
+    """The mean and sd of min(T, horizon), tu, with T the time to the goal (N,), and P(T <= horizon).
 
     Two questions to the chain: for how long it is outside the goal, and whether it is inside at the horizon.
     """
@@ -155,7 +155,7 @@ def _sampled(
     network, start, method = model.network, model.initial, path_method(model.network)
     forecast_runs(network, method, start, np.array([end]), n)
     until = f"{quoted(target)} >= 1"
-    found = method.simulate(network, start, end, n, seed, first_run=first_run, until=until)
+    found = method.first_times(network, start, until, end, n, seed, first_run=first_run)
     targets = method.simulate(network, start, [end], n, seed, first_run=first_run)[target][:, 0]
     cost = time.process_time() - began
     return (

@@ -22,16 +22,16 @@ from kinetics.support.stream_keys import seed_of
 
 @dataclass(frozen=True)
 class ScanRequest:
-    """What is asked at every point of a scan.
+    """The questions to ask at every point of a scan, and how.
 
-    max_states : where more can be reached, or rates depend on time, the point is sampled; 0: everywhere
-    within : condition or number of states within which a chain is followed; None for all
+    max_states : a point is sampled if more can be reached, or if rates depend on time; 0: always
+    truncate : condition of the states that a chain is truncated to, or their number; None for all
     runs, seed : of points that are sampled
     """
 
     questions: tuple[str, ...]
     max_states: int
-    within: str | int | None
+    truncate: str | int | None
     runs: int
     seed: int
 
@@ -41,7 +41,7 @@ class ScanRequest:
         return [(question, parse(question)) for question in self.questions]
 
     def key(self, model: Model) -> str:
-        """What the answers at a point depend on, as text: two points of one key have the same answers."""
+        """A text of all that the answers at a point depend on: two points with one key have the same answers."""
         return f"{model.digest} {self!r}"
 
     def stream(self, model: Model) -> int:
@@ -67,8 +67,8 @@ def check_asked(model: Model, asked: ScanRequest) -> None:
         if not asked.max_states:
             check_ends(question, query)
         query.check(model)
-    if isinstance(asked.within, str):
-        state_names(model, np.asarray(model.initial)[np.newaxis]).holds(asked.within)
+    if isinstance(asked.truncate, str):
+        state_names(model, np.asarray(model.initial)[np.newaxis]).holds(asked.truncate)
 
 
 def _exact(model: Model, asked: ScanRequest) -> list[Answer] | None:
@@ -77,7 +77,7 @@ def _exact(model: Model, asked: ScanRequest) -> list[Answer] | None:
         return None
     began = time.process_time()
     try:
-        chain = Chain.of(model, max_states=asked.max_states, within=asked.within)
+        chain = Chain.of(model, max_states=asked.max_states, truncate=asked.truncate)
     except TooManyStatesError:
         return None
     chain = observing(chain, model)
@@ -96,7 +96,7 @@ def tell_questions(questions: Sequence[str]) -> tuple[str, ...]:
     """The questions, each readable and none asked twice; a ValueError where not."""
     given = tuple(questions) if isinstance(questions, Iterable) and not isinstance(questions, str) else (questions,)
     if not given:
-        raise ValueError("nothing is asked; give a question, as in 'E[AB] @ 100' or 'P=? [ F<=100 AB >= 5 ]'")
+        raise ValueError("no question; give one, as in 'E[AB] @ 100' or 'P=? [ F<=100 AB >= 5 ]'")
     for question in given:
         parse(question)
         if given.count(question) > 1:

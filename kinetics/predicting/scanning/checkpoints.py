@@ -35,7 +35,7 @@ class Checkpoints:
             return
         place = Path(folder)
         if place.exists() and not place.is_dir():
-            raise ValueError(f"{place} is a file; a folder for the points of scans was expected: name another folder")
+            raise ValueError(f"{place} is a file; expected a folder for the points of scans: name another")
         place.mkdir(parents=True, exist_ok=True)
         self.path = place / f"{sha256(f'{FORMAT} {asked!r}')[:SHOWN]}.jsonl"
         if self.path.is_file():
@@ -55,7 +55,7 @@ class Checkpoints:
 
 
 def sha256(text: str) -> str:
-    """The SHA-256 of a text."""
+    """The SHA-256 digest of a text, in hexadecimal."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -77,7 +77,7 @@ def _checksum(content: dict[str, Any]) -> str:
 
 
 def _plain(answer: dict[str, Any]) -> dict[str, Any]:
-    """What is not finite as text, which JSON knows."""
+    """Non-finite numbers as text, since JSON has none."""
     return {
         name: repr(value) if isinstance(value, float) and not math.isfinite(value) else value
         for name, value in answer.items()

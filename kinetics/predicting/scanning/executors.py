@@ -19,14 +19,15 @@ ANSWER_WITHIN = 10  # s, for a scheduler
 
 
 @contextmanager
-def executor_of(workers: int, scheduler: str | None) -> Iterator[Executor | None]:
+def executor_of(workers: int | str) -> Iterator[Executor | None]:
     """An executor for points; None where this process makes them itself. Whatever is not done at the end is dropped.
 
+    workers : number of processes, or the address of a Dask scheduler
     OSError: no scheduler answers at the address. ChildProcessError: a worker ended before it had answered.
     """
     end_while_loading()
-    if scheduler is not None:
-        client = _client(scheduler)
+    if isinstance(workers, str):
+        client = _client(workers)
         try:
             yield client.get_executor(pure=False)
         finally:
@@ -41,7 +42,7 @@ def executor_of(workers: int, scheduler: str | None) -> Iterator[Executor | None
 def results(
     executor: Executor | None, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]
 ) -> Iterator[tuple[int, Any]]:
-    """Number and result of each task, as they come."""
+    """Yield the number and the result of each task, as they come."""
     if executor is None:
         for number, task in enumerate(tasks):
             yield number, work(*task)
@@ -72,7 +73,7 @@ def _processes(workers: int) -> Iterator[Executor]:
         if not isinstance(error, BrokenProcessPool):
             raise
         raise ChildProcessError(
-            "a worker ended before it had answered (killed for want of memory?); points that are done are kept, so "
+            "a worker ended before it had answered (killed for want of memory?); answered points are stored, so "
             "start again with fewer workers"
             if began.is_set()
             else f"workers cannot start; {GUARD}"

@@ -18,7 +18,7 @@ from kinetics.predicting.scanning.result import RESERVED, Scan, grid_points
 from kinetics.predicting.scanning.values import check_size, checked_values
 from kinetics.sampling.streamed import unbroken
 from kinetics.support.answer import Answer
-from kinetics.support.arrays import Counts, Floats, integers, whole_number
+from kinetics.support.arrays import Floats, integers, whole_number
 from kinetics.support.cli.progress import forecast, span
 from kinetics.support.tables import counted, of_unit
 
@@ -31,15 +31,12 @@ def scan(
     over: Mapping[str, ArrayLike],
     ask: str | Sequence[str],
     *,
-    initial: Counts | None = None,
     max_states: int = MAX_STATES,
-    within: str | int | None = None,
+    truncate: str | int | None = None,
     runs: int = 1000,
     seed: int = 0,
-    workers: int = 1,
-    scheduler: str | None = None,
+    workers: int | str = 1,
     folder: str | Path | None = None,
-    tell: Callable[[str], None] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Scan:
     """Answer questions at every combination of values.
@@ -48,14 +45,12 @@ def scan(
     over : name -> values: a parameter, a rate constant by its channel, the count of a species at time 0, or `cubes`,
         see `Model.kind`
     ask : questions as `wellmixed ask` takes them, such as "E[AB] @ 100" or "P=? [ F<=100 AB >= 5 ]"
-    initial : counts at time 0 that go before the model's; None for these
     max_states : a point that can reach more is sampled, as is one whose rates depend on time; 0: every point
-    within : condition or number of states within which a chain is followed, as in `Chain.of`
+    truncate : condition of the states that a chain is truncated to, or their number, as in `Chain.of`
     runs : of each point that is sampled; at least 2
-    workers : processes on this machine
-    scheduler : address of a Dask scheduler, whose workers answer instead
+    workers : number of processes on this machine, or the address of a Dask scheduler, whose workers answer
     folder : keeps the points as they come; what is there already is not made again
-    tell, progress : called with a sentence on the cost, once the first points are done, and with how far it is
+    progress : called with how far it is and, once the first points are done, with a sentence on the cost of the others
 
     Exact answers have proven bounds unless they say otherwise, sampled ones a 95 % interval. Points are independent,
     and each has its own random stream: by the seed and the model at the point, so that neither the grid, the order nor
@@ -63,19 +58,20 @@ def scan(
     is `none` there and says why. After Ctrl-C the points made so far are returned; see `is_complete`. ValueError:
     names, values and questions that mean nothing.
 
-    >>> network = Network.from_text("A + B <-> AB, k, 0.1", k=1.0)
-    >>> found = scan(network, {"k": [0.1, 1.0]}, "E[AB] @ 10", initial={"A": 3, "B": 2})
+    >>> model = Model.of(Network.from_text("A + B <-> AB, k, 0.1", k=1.0), {"A": 3, "B": 2})
+    >>> found = scan(model, {"k": [0.1, 1.0]}, "E[AB] @ 10")
     >>> found.numbers("value").round(4).tolist()
     [[1.3496], [1.9062]]
     """
-    whole, grid = _checked(Model.of(model, initial), over)
+    whole, grid = _checked(Model.of(model), over)
     asked = ScanRequest(
         tell_questions(ask),
         whole_number("max_states", max_states, 0),
-        within,
+        truncate,
         whole_number("runs", runs, 2),
         whole_number("seed", seed, 0),
     )
+    at_once = 1 if isinstance(workers, str) else whole_number("workers", workers, 1)
     points = list(grid_points(grid))
     check_asked(whole.at(points[0]), asked)
     keys = [asked.key(whole.at(point)) for point in points]
@@ -93,12 +89,12 @@ def scan(
 
     def cost(seconds: Sequence[float], left: int) -> None:
         if left:
-            forecast(max(seconds) * left, f"{counted(left, 'point')} like those tried", workers)
-        if tell is not None and left:
-            tell(_cost(seconds, left, len(points), workers))
+            forecast(max(seconds) * left, f"{counted(left, 'point')} like the first ones", at_once)
+        if progress is not None and left:
+            progress(_cost(seconds, left, len(points), at_once))
 
     try:
-        with executor_of(whole_number("workers", workers, 1), scheduler) as executor:
+        with executor_of(workers) as executor:
             rest = _first(missing, lambda number: take(number, answers_at(whole, asked, points[number])), cost)
             tasks = [(whole, asked, points[number]) for number in rest]
             for place, found in results(executor, answers_at, tasks):
@@ -118,7 +114,7 @@ def _checked(model: Model, over: Mapping[str, ArrayLike]) -> tuple[Model, dict[s
         raise ValueError("no name to scan over; give at least one, as in over={'k1': [1e-3, 1e-2]}")
     for name in over:
         if name in RESERVED:
-            raise ValueError(f"{name!r} is a column of the table; rename what the model calls so")
+            raise ValueError(f"{name!r} is a column of the table; rename it in the model")
     grid = {name: _values(model, name, values) for name, values in over.items()}
     check_size([len(values) for values in grid.values()])
     first = next(islice(grid_points(grid), 1))
@@ -147,10 +143,9 @@ def _label(model: Model, name: str) -> str:
 
 
 def _first(missing: list[int], take: Callable[[int], None], cost: Callable[[Sequence[float], int], None]) -> list[int]:
-    """Answer the first point here, so that mistakes and the cost are told at once; returns those that are left.
+    """Answer the first point in this process, to report mistakes and the cost at once; returns the points left.
 
-    Where it was quick, the second and the last as well: the first also loads what all need, and the last, where values
-    rise, is often the dearest.
+    If it was quick, the second and the last follow: the first also pays for imports, and the last often costs most.
     """
     tried: list[int] = []
     seconds: list[float] = []
@@ -167,7 +162,7 @@ def _first(missing: list[int], take: Callable[[int], None], cost: Callable[[Sequ
 
 
 def _cost(seconds: Sequence[float], left: int, points: int, workers: int) -> str:
-    """What is left to do, if other points are like those that took so long."""
+    """A forecast of the CPU time left, from the points answered so far."""
     spread = "" if workers == 1 else f", by {workers} workers in 1/{workers} of that"
     each, rest = _span(seconds, 1), _span(seconds, left)
     return (

@@ -34,7 +34,7 @@ class DrawnScan(Protocol):
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """What was asked, with the unit of time."""
+        """The question of each panel, with the unit of time."""
         ...
 
     @property
@@ -43,7 +43,7 @@ class DrawnScan(Protocol):
         ...
 
     def numbers(self, what: str) -> Floats:
-        """Value, low or high (n1, n2, ..., Q)."""
+        """The values, or their lower or upper bounds, as an array (n1, n2, ..., Q)."""
         ...
 
     def words(self, what: str) -> Any:

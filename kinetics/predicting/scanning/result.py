@@ -124,7 +124,7 @@ class Scan(Shown, Tabular):
             for point, question, answer in self._answered
         ]
         notes = [f"times in {self.time_unit}"] if self.time_unit else []
-        notes += ["bounds: proven or estimated of what is exact, 95 % intervals of what is sampled"]
+        notes += ["low and high: bounds (proven or estimated) if solved, 95 % intervals if sampled"]
         whys = dict.fromkeys(each.why for answers in self.answers for each in answers or () if each.kind == NONE)
         notes += [f"none: {why}" for why in list(whys)[:MOST_WHYS]]
         if len(whys) > MOST_WHYS:

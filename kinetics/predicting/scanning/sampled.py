@@ -26,7 +26,7 @@ Sampling = AtTime | Decided | Along
 
 LEVEL = 0.95
 MOST_EVENTS = 10**7  # of a path whose total is asked for
-LASTS = "it has no end in time; ask within a time, as in F<=100 or C<=100, or let more states be listed"
+LASTS = "it has no time bound; give one, as in F<=100 or C<=100, or allow more states"
 
 
 def check_ends(text: str, question: Question) -> None:
@@ -95,23 +95,23 @@ def _at_times(model: Model, asked: Sequence[AtTime], runs: int, seed: int) -> tu
 
 
 def _decided(model: Model, asked: Decided, runs: int, seed: int) -> tuple[list[Floats], str]:
-    """What each run (runs,) contributes that ends where the question is decided."""
+    """The contribution of each run (runs,) to a question for which runs stop once it is decided."""
     method, until = path_method(model.network), Condition(asked.stop, model)
-    found = method.simulate(model.network, model.initial, asked.end, runs, seed, threads=1, until=until)
+    found = method.first_times(model.network, model.initial, until, asked.end, runs, seed, threads=1)
     if found.truncated is not None:
         raise TruncatedRunsError(found.truncated)
     return [asked.value(model, found.is_reached, found.counts)], method.name
 
 
 def _along(model: Model, asked: Along, runs: int, seed: int) -> tuple[list[Floats], str]:
-    """What each run (runs,) contributes on its way up to a time, or until a condition holds."""
+    """The contribution of each run (runs,) along its path up to a time, or until a condition holds."""
     method, last = path_method(model.network), float(np.finfo(float).max) if asked.end is None else asked.end
     until = None if asked.stop is None else Condition(asked.stop, model)
     paths = method.sample_paths(model.network, model.initial, last, seed, max_events=MOST_EVENTS, until=until)
     totals = np.empty(runs)
     for i, path in enumerate(islice(paths, runs)):
         if asked.end is None and path.end == last:
-            raise ValueError(f"run {i} ends where {asked.stop} can never hold: the mean is infinite")
+            raise ValueError(f"run {i} ends in a state from which {asked.stop} can never hold: the mean is infinite")
         entered, left = np.append(0.0, path.times), np.append(path.times, path.end)
         totals[i] = asked.value(model, entered, left, path.states)
     return [totals], method.name

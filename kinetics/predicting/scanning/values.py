@@ -32,7 +32,7 @@ def read_values(text: str) -> tuple[str, Floats]:
         raise ValueError(f"{text!r} is no range; {FORMS}")
     low, high, n = _number(found[1], text), _number(found[2], text), _count(found[3], text)
     if n == 1 and low != high:
-        raise ValueError(f"{text!r} is a range of one value with two ends; give 2 values or more")
+        raise ValueError(f"{text!r} is a range of one value with two different ends; give 2 values or more")
     if found[4] != "log":
         return name, checked_values(name, np.linspace(low, high, n))
     if not (low > 0 and high > 0):

@@ -120,8 +120,8 @@ class BreakModel(ABC):
         ValueError: weights of this model are not given by sizes.
         """
         raise ValueError(
-            f"break model {self.name!r} weights partners by species, which books do not share: use one that weights "
-            "them by size, such as 'collision'"
+            f"break model {self.name!r} weights partners by species, which differ between books: use one that "
+            f"weights them by size, such as 'collision'"
         )
 
 

@@ -33,7 +33,7 @@ class Collision(BreakModel):
         return network.species
 
     def parameters(self, network: Network) -> tuple[ShapeParameter, ...]:  # noqa: ARG002
-        """The exponent alpha."""
+        """The exponent alpha of the size dependence."""
         return self.size_parameters
 
     def weights(self, network: Network, shape: Mapping[str, float]) -> Floats:
@@ -42,7 +42,7 @@ class Collision(BreakModel):
 
     @property
     def size_parameters(self) -> tuple[ShapeParameter, ...]:
-        """The exponent alpha."""
+        """The exponent alpha of the size dependence."""
         return (EXPONENT,)
 
     def by_size(self, sizes: Floats, shape: Mapping[str, float]) -> SizeWeights:

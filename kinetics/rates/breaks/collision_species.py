@@ -43,5 +43,5 @@ class CollisionSpecies(BreakModel):
         return tuple(ShapeParameter(f"weight {name}", 0.0, 1e3, is_weight=True) for name in network.species[1:])
 
     def weights(self, network: Network, shape: Mapping[str, float]) -> Floats:
-        """As given, after 1 for the first species."""
+        """Weights of the species as given, after 1 for the first."""
         return np.array([1.0, *(shape[f"weight {name}"] for name in network.species[1:])])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,11 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.network import Network, Tank
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.rates.breaks.base import ALONE, WALL, BreakModel
-from kinetics.runs import BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints
-
-if TYPE_CHECKING:
-    from kinetics.runs import JumpPath
 
 SMALLEST = float(np.finfo(float).tiny)  # below, digits are lost
 BY = " by "  # between a break and its partner, in the name of a channel
@@ -79,8 +74,8 @@ class Expansion:
             raise ValueError(f"break model {model.name!r} takes mass action only; this network has rate laws or events")
         if base.combinations == "product":
             raise ValueError(
-                f"break model {model.name!r} counts pairs of like bodies, which the convention 'product' does not; "
-                "use rates with combinations = 'distinct'"
+                f"break model {model.name!r} counts pairs of like bodies, unlike the convention 'product'; use "
+                f"rates with combinations = 'distinct'"
             )
         if WALL in partners and WALL in base.species:
             raise ValueError(f"break model {model.name!r} calls the wall of the tank {WALL!r}; rename that species")
@@ -129,7 +124,7 @@ class Expansion:
         if there is None or here == there:
             return np.ones(self.base_of.size)
         if here is None:
-            raise ValueError(f"rates for a tank of {there} are asked for, but these rates do not state their tank")
+            raise ValueError(f"rates were requested for a tank of {there}, but these rates do not state their tank")
         order = _totals(self.network.sparse_reactants)
         own = np.zeros(order.size) if self.base.rate_constants is None else self.base.rate_constants[self.base_of]
         with np.errstate(all="ignore"):
@@ -148,20 +143,6 @@ class Expansion:
         own = np.asarray(coefficients, dtype=float)[..., self.base_of]
         by_partner = np.asarray(weights, dtype=float)[..., self.partner_of]
         return np.where(self.partner_of < 0, own, own * by_partner)
-
-    def on_base(self, path: JumpPath) -> JumpPath:
-        """A path of the expanded network as a path of the base, which keeps who broke what as `partners`."""
-        channels = np.where(path.channels == RESTART, RESTART, np.append(self.base_of, RESTART)[path.channels])
-        is_open = np.zeros(len(self.base.channels), dtype=bool)
-        np.logical_or.at(is_open, self.base_of, path.open_channels)
-        partners = None
-        if self.network is not self.base:
-            numbers = self.base.species_places | {WALL: BY_WALL, ALONE: BY_UNKNOWN}
-            named = [numbers[name] for name in self.model.partners(self.base)]
-            of_channel = np.where(self.partner_of < 0, NO_BREAK, np.array(named)[self.partner_of])
-            partners = np.append(of_channel, NO_BREAK)[path.channels]
-        said = path.tank, partners, path.resolution
-        return JumpPath(self.base, path.initial, path.times, channels, path.end, is_open, *said)
 
 
 def pairs(base: Network, model: BreakModel, states: ArrayLike) -> list[Floats]:

@@ -27,7 +27,7 @@ class FirstOrder(BreakModel):
         return (ALONE,)
 
     def weights(self, network: Network, shape: Mapping[str, float]) -> Floats:  # noqa: ARG002
-        """One."""
+        """The only weight, 1: a break needs no partner."""
         return np.ones(1)
 
     def by_size(self, sizes: Floats, shape: Mapping[str, float]) -> SizeWeights:  # noqa: ARG002

@@ -45,9 +45,9 @@ def judged(error: Exception) -> tuple[int, str]:
     if isinstance(error, MemoryError):
         return OUTSIDE, f"not enough memory{said and f' ({said})'}; ask for less, or free some"
     if isinstance(error, RecursionError):
-        return MISTAKE, "the input nests more deeply than can be read (a formula of hundreds of terms?); split it up"
+        return MISTAKE, "the input is nested too deeply (a formula of hundreds of terms?); split it up"
     if isinstance(error, OverflowError):
-        return MISTAKE, f"a number is too large to compute with ({said}); take less extreme settings"
+        return MISTAKE, f"a number is too large to compute with ({said}); use less extreme settings"
     import traceback
 
     place = traceback.extract_tb(error.__traceback__)[-1]
@@ -64,10 +64,10 @@ def keep(what: str) -> None:
 
 def interrupted(ctx: click.Context) -> str:
     """What to say after Ctrl-C or SIGTERM."""
-    nothing = "nothing of it is kept, and the same command begins anew; a file that it had written is whole"
+    nothing = "nothing of it is kept, and the same command starts over; files already written are complete"
     return f"Interrupted: {ctx.meta.get(KEPT, nothing)}."
 
 
 def keep_runs(folder: str | Path) -> None:
     """`keep` of a command that makes runs."""
-    keep(f"finished runs are kept in {folder}, and the same command makes only those that are missing")
+    keep(f"finished runs are kept in {folder}; the same command makes only the missing ones")

@@ -53,7 +53,7 @@ def refuse_second_values(
         values += islice(words, option.nargs - len(values))
         if not option.multiple and given.setdefault(option.name, values) != values:
             first, second = " ".join(given[option.name]), " ".join(values)
-            told = f"{spelled} came twice, with {first} and with {second}; it takes one value, so leave one out"
+            told = f"{spelled} was given twice, with {first} and with {second}; it takes one value, so leave one out"
             raise click.UsageError(told, click.Context(command, info_name=name, parent=parent))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
 from types import MappingProxyType
@@ -14,23 +14,18 @@ from typing import Any, NamedTuple, TypeVar
 import click
 import numpy as np
 
+from kinetics.support import plots
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
+from kinetics.support.cli.declared import POSITIVE, count_option, default_option
 from kinetics.support.cli.progress import BUDGET
 from kinetics.support.cli.study_folder import BOOK, is_filled, or_study_folder, rates_of, start_of
-from kinetics.support.output import check_target
+from kinetics.support.output import check_target, write_whole
 from kinetics.support.packages import require
 
 DURATION = 2000.0  # tu, the paper's
 
-seed_option = click.option(
-    "--seed",
-    metavar="N",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Random seed; the same seed gives the same result.",
-)
+seed_option = count_option("--seed", least=0, default=0, help="Random seed; the same seed gives the same result.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
@@ -39,18 +34,16 @@ def _part(_ctx: click.Context, _param: click.Parameter, value: str | None) -> st
     return int(value) if value is not None and value.strip().isdigit() else value
 
 
-budget_option = click.option(
+budget_option = default_option(
     "--budget",
     metavar="MINUTES",
-    type=click.FloatRange(min=0, min_open=True),
+    type=POSITIVE,
     default=BUDGET,
-    show_default=True,
-    help="CPU time allowed; work that is forecast to take more is refused before it starts.",
+    help="CPU time allowed; work forecast to take more is refused before it starts.",
 )
 
 truncate_option = click.option(
     "--truncate",
-    "within",
     metavar="CONDITION|N",
     callback=_part,
     help="Truncate the chain to the states in which this condition holds, or to the N nearest to its start; bounds "
@@ -113,6 +106,18 @@ plot_option = click.option(
     callback=picture_of,
     help="Write a figure to this PNG, PDF or SVG file; may be repeated.",
 )
+
+
+def write_tables(files: Sequence[str], frame: Callable[[], Any], **form: Any) -> None:
+    """Write a table to these CSV files; it is made only if there are any."""
+    for file in files:
+        write_whole(file, frame().to_csv(index=False, **form))
+
+
+def write_plots(files: Sequence[str], draw: Callable[[Any], Any]) -> None:
+    """Write a figure, drawn on one pair of axes, to these files."""
+    for file in files:
+        plots.save(file, draw)
 
 
 class OptionToldLate(click.Option):
@@ -291,7 +296,7 @@ def model_options(command: Callable[..., None]) -> Any:
             metavar="NAME=VALUE",
             multiple=True,
             callback=_values,
-            help="Give a parameter this value; may be repeated.",
+            help="Set a parameter to this value; may be repeated.",
         ),
         heading(FILES),
         click.option(
@@ -300,9 +305,9 @@ def model_options(command: Callable[..., None]) -> Any:
             metavar="X Y Z",
             nargs=3,
             type=float,
-            help="Edges of the tank; joins become rarer with its volume.  [default: as in the rates]",
+            help="Edge lengths of the tank; rates of joins scale with 1/volume.  [default: as in the rates]",
         ),
-        click.option("--cubes", metavar="N", type=click.IntRange(min=1), help="Number of single cubes at time 0."),
+        count_option("--cubes", help="Number of single cubes at time 0."),
         click.option(
             "--rates",
             "rates_name",

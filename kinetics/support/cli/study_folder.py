@@ -40,7 +40,7 @@ def or_study_folder(file: str, fills: Mapping[str, Filler]) -> dict[str, Any]:
             return value
         if not (folder / file).is_file():
             raise click.BadParameter(
-                f"the folder {value} holds no {file}; `wellmixed new` makes folders that do", ctx, param
+                f"the folder {value} holds no {file}; `wellmixed new` makes such folders", ctx, param
             )
         values = {name: partial(fill, folder) if callable(fill) else str(folder / fill) for name, fill in fills.items()}
         asked = ctx.default_map or {}  # by a file of options

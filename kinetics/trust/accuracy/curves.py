@@ -31,7 +31,7 @@ SOLUTIONS = 3  # of the same, for their time
 
 
 class Task(NamedTuple):
-    """What every method is asked: the distribution of each species at `times` (T,), tu."""
+    """The task of every method: the distribution of each species at `times` (T,), tu."""
 
     network: Network
     initial: Ints
@@ -90,7 +90,7 @@ def sampled(method: SamplingMethod) -> Callable[[Task, float, int], Result]:
 
 
 def _whole(made: Answered) -> Answered:
-    """The same; KeyboardInterrupt where Ctrl-C left fewer runs than were asked for, which make no point."""
+    """A complete result, as it is; a KeyboardInterrupt if Ctrl-C left fewer runs than asked for."""
     if isinstance(made, EnsembleStatistics) and not made.is_complete:
         raise KeyboardInterrupt
     return made
@@ -113,7 +113,7 @@ def solver_curve(method: type[SolvingMethod]) -> Curve:
 
 
 def asked(task: Task, setting: float, _: int) -> Result:
-    """What `predict` answers where this share of the largest mean of each species is asked for, by its own choice."""
+    """The answer of `predict`, by its own choice of method, at this share of the largest mean of each species."""
     job = Job(Model(task.network, task.initial), task.times, seed=task.seed, threads=1)
     return _whole(adaptive_prediction(job, AskedAccuracy(setting, is_relative=True)).result)
 
@@ -135,7 +135,7 @@ CURVES: tuple[Curve, ...] = (
 
 
 def shape_of(result: Result, species: tuple[str, ...]) -> Marginals | Certainty:
-    """What an answer says of each species: a distribution, or a number alone."""
+    """The shape of an answer: a distribution for each species, or a number only."""
     if isinstance(result, EnsembleStatistics | Distribution):
         return Marginals.of(result, species)
     return Certainty(result)

@@ -124,7 +124,7 @@ class Diagram(Shown, Tabular):
         ]
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """The diagram as a dictionary, ready for JSON."""
         return {
             "title": self.title,
             "species": self.network.species,
@@ -149,7 +149,7 @@ class Diagram(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """Of what, and how large."""
+        """One line: the network, and its size."""
         return (
             f"{self.title}: {self.n_states} states, {self.times.size} times to {self.times[-1]:g} tu, seed {self.seed}"
         )
@@ -169,7 +169,7 @@ class Diagram(Shown, Tabular):
             )
         within = f"within {self.reference_bound:.1e} copies, {'proven' if self.is_proven else 'estimated'}"
         measured = [
-            "error: largest Wasserstein distance of a species' distribution from the exact one, over times and species",
+            "error: largest Wasserstein distance of a species' distribution from the reference, over times and species",
             f"reference: {REFERENCE.name}, tolerance {REFERENCE.tolerance:g}, {self.reference_cpu:.3g} CPU s; {within}",
         ]
         lines = []
@@ -178,7 +178,7 @@ class Diagram(Shown, Tabular):
             lines.append(f"exponent of the error against runs (-1/2 expected): {', '.join(slopes)}")
         lines += [f"left out: {x.curve} {x.label}: {x.reason}" for x in self.left_out]
         if not self.is_complete:
-            lines.append("interrupted: only what was finished is shown")
+            lines.append("interrupted: only finished work is shown")
         return ResultTable(self.headline, heads, rows, [*measured, *lines])
 
     def __str__(self) -> str:

@@ -44,11 +44,11 @@ class Marginals:
 
     @classmethod
     def of(cls, result: HasMarginals, species: Sequence[str]) -> Marginals:
-        """Those of anything that has a `marginal` a species."""
+        """The marginals of a result that has a `marginal` for each species."""
         return cls([result.marginal(name) for name in species])
 
     def distance(self, exact: Marginals) -> Distance:
-        """From the exact marginals."""
+        """The distance from the exact marginals, largest over times and species."""
         found = []
         for mine, theirs in zip(self.tables, exact.tables, strict=True):
             top = max(mine.shape[1], theirs.shape[1])

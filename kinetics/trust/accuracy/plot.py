@@ -38,7 +38,7 @@ def draw(diagram: Diagram, ax: Any) -> Any:
     ax.set(xscale="log", yscale="log", xlabel="CPU time (s), one thread")
     ax.xaxis.set_minor_formatter("")
     ax.margins(x=0.08)  # room for the labels
-    ax.set_ylabel("largest Wasserstein distance to the exact distribution of a species (copies)", fontsize=8)
+    ax.set_ylabel("largest Wasserstein distance from the reference (copies)", fontsize=8)
     ax.set_ylim(LOWEST / 3, None)
     ax.set_title(
         f"{diagram.title}: {diagram.n_states} states, {diagram.times.size} times to {diagram.times[-1]:g} tu",

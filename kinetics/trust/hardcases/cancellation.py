@@ -10,10 +10,10 @@ from math import prod
 import numpy as np
 
 from kinetics.markov.passage.moments import passage_to
-from kinetics.markov.transient import SOLVING_METHODS, Distribution, reachable
+from kinetics.markov.transient import Distribution, reachable
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
-from kinetics.trust.hardcases.case import Attempt, Case, attempt, relative
+from kinetics.trust.hardcases.case import Attempt, Case, attempt, relative, solved
 
 COPIES, TIME = 20, 0.5
 SCALE = 10**9
@@ -46,11 +46,8 @@ def _cancellation() -> Iterator[Attempt]:
         for law in (f"{2 * SCALE} * (1 - exp(-X / {SCALE}))", "1e17 * (1 - exp(-1e-17 * X))")
     )
     exact, mean = _exact()
-    for method in SOLVING_METHODS:
-        solve = partial(method().solve, few, [COPIES], [TIME])
-        yield attempt(f"{method.name}, half of the digits", lambda solve=solve: _beyond(solve(), exact), 1.0)
-        blind = partial(method().solve, none, [COPIES], [TIME])
-        yield attempt(f"{method.name}, none", lambda blind=blind: float(blind().is_bound), 0.0)
+    yield from solved(few, [COPIES], [TIME], lambda found: _beyond(found, exact), 1.0, ", half of the digits")
+    yield from solved(none, [COPIES], [TIME], lambda found: float(found.is_bound), 0.0, ", none")
 
     space = reachable(few, [COPIES])
     dead = partial(passage_to, space.transitions(), np.eye(1, COPIES + 1)[0], space.states[:, 0] == 0, "none")

@@ -5,13 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.markov.transient import Distribution
+from kinetics.markov.transient import SOLVING_METHODS, Distribution
 from kinetics.network import Network
+from kinetics.sampling import SAMPLING_METHODS
+from kinetics.support.arrays import Counts, Ints
 
 CHANCE = 1e-9  # of a right sampler to look wrong, each time
 
@@ -82,6 +85,39 @@ def refusal(method: str, work: Callable[[], Any], expected: str) -> Attempt:
         if expected in str(raised):
             message = str(raised)
     return Attempt(method, np.inf, 0.0, time.process_time() - began, message)
+
+
+def solved(
+    net: Network,
+    start: Counts,
+    times: ArrayLike,
+    error: Callable[[Distribution], float],
+    allowed: float,
+    what: str = "",
+) -> Iterator[Attempt]:
+    """An answer by each solving method, whose error is that of its solution."""
+    for kind in SOLVING_METHODS:
+        solve = partial(kind().solve, net, start, times)
+        yield attempt(kind.name + what, lambda solve=solve: error(solve()), allowed)
+
+
+def sampled(
+    net: Network,
+    start: Counts,
+    times: ArrayLike,
+    error: Callable[[Ints], float],
+    runs: int,
+    seed: int,
+    what: str = "",
+    allowed: float = 1.0,
+) -> Iterator[Attempt]:
+    """An answer by each sampling method, whose error is that of counts (runs, T, S); a refusal if it must refuse."""
+    for kind in SAMPLING_METHODS:
+        sample = partial(kind().simulate, net, start, times, runs=runs, seed=seed)
+        if kind().takes(net):
+            yield attempt(kind.name + what, lambda sample=sample: error(sample().counts), allowed)
+        else:
+            yield refusal(kind.name + what, sample, "takes")
 
 
 def beyond_its_error(solution: Distribution, exact: ArrayLike) -> float:

@@ -186,11 +186,13 @@ def _soon(n: int, k: int, fail: float, repair: float, time: float) -> float:
 
 
 CHAINS = (
-    Case("chain in blocks", "24 states, rates 1e-12 to 1e3: relative error", "flows alike both ways", _blocks),
-    Case("remote target", "down to 1e-201: relative error, within the limits", "Poisson tail, rational sums", _remote),
+    Case("chain in blocks", "24 states, rates 1e-12 to 1e3: relative error", "equal flows in both directions", _blocks),
+    Case("remote target", "down to 1e-201: relative error, within the bounds", "Poisson tail, rational sums", _remote),
     Case("classes from outside", "a state and a pair, from all between: relative error", "fair walk", _classes),
     Case("nothing moves", "one state, or three without rates: relative error", "the start", _nothing_moves),
     Case("nowhere", "a label that no state has: 0, or a refusal", "0", _nowhere),
-    Case("impulses", "ways up at 1e-6, down at 1e3: relative error, within the limits", "closed form", _impulses),
+    Case(
+        "impulses", "rates of 1e-6 upwards, 1e3 downwards: relative error, within the bounds", "closed form", _impulses
+    ),
     Case("stiff from outside", "651 states, rates 3e-8 to 1, until 3.6e8", "products of binomials", _stiff),
 )

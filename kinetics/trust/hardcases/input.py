@@ -49,21 +49,21 @@ def _limits() -> Iterator[Attempt]:
     growth = network({"birth": ({}, {"X": 1}, 1.0)})
     switch = network({"ab": ({"A": 1}, {"B": 1}, 1e8), "ba": ({"B": 1}, {"A": 1}, 1e8)})
     yield refusal(
-        "exact, space without end", lambda: Transient(max_states=5000).solve(growth, [0], [1.0]), "and rising"
+        "transient, infinite space", lambda: Transient(max_states=5000).solve(growth, [0], [1.0]), "and rising"
     )
     yield refusal(
         "fsp, too many states", lambda: FiniteStateProjection(max_states=50).solve(growth, [0], [90.0]), "matter"
     )
     yield refusal(
-        "passage, space without end", lambda: first_passage(growth, [0], "X", 10**7, max_states=5000), "reachable"
+        "passage, infinite space", lambda: first_passage(growth, [0], "X", 10**7, max_states=5000), "reachable"
     )
     yield refusal("exact, tolerance 1e-30", lambda: Transient(tolerance=1e-30), "tolerance")
     yield refusal("fsp, tolerance 1e-16", lambda: FiniteStateProjection(1e-16), "tolerance")
     yield refusal("rare event, no way", partial(rare_event, switch, [1, 0], _copies, 2, 1e-9, 200), "no way")
-    yield refusal("exact, too stiff and large", lambda: Transient().solve(switch, [2500, 0], [1e9]), "too stiff")
+    yield refusal("transient, too stiff and large", lambda: Transient().solve(switch, [2500, 0], [1e9]), "too stiff")
     yield refusal("dense, rate * time beyond numbers", lambda: Dense().solve(switch, [1, 0], [1e200]), "beyond what")
     yield refusal(
-        "exact, too much memory", lambda: Transient().solve(switch, [99_999, 0], np.arange(1e6)), "GB of memory"
+        "transient, too much memory", lambda: Transient().solve(switch, [99_999, 0], np.arange(1e6)), "GB of memory"
     )
 
 
@@ -71,5 +71,5 @@ INPUT = (
     Case("bad rates", "not a number, infinite, negative", "a refusal", _rates),
     Case("bad counts", "fractions, negative, beyond int64, unknown", "a refusal", _counts),
     Case("overdraft", "a channel that could make a count negative", "a refusal", _overdraft),
-    Case("beyond the limits", "spaces, tolerances, stiffness and memory that cannot be had", "a refusal", _limits),
+    Case("beyond the limits", "impossible spaces, tolerances, stiffness and memory", "a refusal", _limits),
 )

@@ -12,10 +12,9 @@ from kinetics.markov.passage import rare_event
 from kinetics.markov.state_enumeration import Condition
 from kinetics.markov.transient import Dense, FiniteStateProjection, Transient
 from kinetics.network import Network
-from kinetics.sampling import SAMPLING_METHODS
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.packages import linalg, special
-from kinetics.trust.hardcases.case import Attempt, Case, attempt, departure, network, refusal, relative, walk
+from kinetics.trust.hardcases.case import Attempt, Case, attempt, departure, network, refusal, relative, sampled, walk
 
 
 def _first(n: int) -> Ints:
@@ -138,14 +137,8 @@ def _schloegl() -> Iterator[Attempt]:
         return float(abs(np.resize(found, wall + 1) * (np.arange(wall + 1) < found.size) - shares).sum())
 
     yield attempt("fsp, modes and valley", off, 1e-8)
-    for kind in SAMPLING_METHODS:
-        sampled = partial(kind().simulate, net, [between], [time], runs=300, seed=22)
-        if not kind().takes(net):
-            yield refusal(f"{kind.name}, modes and valley", sampled, "takes")
-            continue
-        yield attempt(
-            f"{kind.name}, modes and valley", lambda sampled=sampled: departure(sampled().counts[:, 0, 0], shares), 1.0
-        )
+    what = ", modes and valley"
+    yield from sampled(net, [between], [time], lambda counts: departure(counts[:, 0, 0], shares), 300, 22, what)
 
 
 def _erlang() -> Iterator[Attempt]:
@@ -162,12 +155,10 @@ def _erlang() -> Iterator[Attempt]:
         return float(abs(found - special.gammainc(n, times)).max())
 
     yield attempt("exact", solved, 1e-12)
-    for kind in SAMPLING_METHODS:
-        runs = partial(kind().simulate, stages, _first(n), [1000.0], runs=200, seed=23)
-        share = float(special.gammainc(n, 1000.0))
-        yield attempt(
-            kind.name, lambda runs=runs, share=share: departure(runs().counts[:, 0, n], [1 - share, share]), 1.0
-        )
+    share = float(special.gammainc(n, 1000.0))
+    yield from sampled(
+        stages, _first(n), [1000.0], lambda counts: departure(counts[:, 0, n], [1 - share, share]), 200, 23
+    )
 
 
 def _extinction() -> Iterator[Attempt]:

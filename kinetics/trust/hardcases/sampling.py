@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from kinetics.markov.transient import SOLVING_METHODS, FiniteStateProjection, SolvingMethod, Transient
+from kinetics.markov.transient import SOLVING_METHODS, Distribution, FiniteStateProjection, SolvingMethod, Transient
 from kinetics.network import Network
 from kinetics.sampling import SAMPLING_METHODS, SamplingMethod
-from kinetics.trust.hardcases.case import CHANCE, Attempt, Case, attempt, departure, network, refusal
+from kinetics.support.arrays import Ints
+from kinetics.trust.hardcases.case import CHANCE, Attempt, Case, attempt, departure, network, refusal, sampled, solved
 
 EMPTY, EMPTY_TABLE = np.zeros(0), np.zeros((0, 1), dtype=np.int64)
 
@@ -34,23 +35,19 @@ def _grids() -> Iterator[Attempt]:
 
 
 def _large_counts() -> Iterator[Attempt]:
-    def off(method: Any, start: int) -> float:
-        net = network({"turn": ({"X": 1}, {"Y": 1}, 20.0 / start)})
-        counts = method.simulate(net, [start, 0], [1.0], runs=50, seed=2).counts[:, 0]
+    def off(counts: Ints, start: int) -> float:
         # 50 Poisson numbers of mean 20: their mean is 20 +- 4 except for a chance of 1e-9
-        return float(abs(counts.sum(axis=1) - start).max()) + max(0.0, abs(counts[:, 1].mean() - 20.0) - 4.0)
+        return float(abs(counts[:, 0].sum(axis=1) - start).max()) + max(0.0, abs(counts[:, 0, 1].mean() - 20.0) - 4.0)
 
-    def missed(start: int) -> float:
-        net = network({"turn": ({"X": 1}, {"Y": 1}, 20.0 / start)})
+    def missed(net: Network, start: int) -> float:
         probabilities = FiniteStateProjection(1e-12).solve(net, [start, 0], [1.0]).marginal("Y")[0]
         exact = np.exp(-20.0) * np.cumprod(np.append(1.0, 20.0 / np.arange(1, probabilities.size)))
         return float(abs(probabilities - exact).sum() + 1.0 - exact.sum())
 
     for start in (5 * 10**9, 10**15):
-        for method in _samplers():
-            yield attempt(f"{method.name}, {start:.0e}", partial(off, method, start), 0.0)
-        yield attempt(f"fsp, {start:.0e}", partial(missed, start), 1e-7)  # Poisson up to 20 / start
         net = network({"turn": ({"X": 1}, {"Y": 1}, 20.0 / start)})
+        yield from sampled(net, [start, 0], [1.0], partial(off, start=start), 50, 2, f", {start:.0e}", 0.0)
+        yield attempt(f"fsp, {start:.0e}", partial(missed, net, start), 1e-7)  # Poisson up to 20 / start
         yield refusal(f"exact, {start:.0e}", partial(Transient().solve, net, [start, 0], [1.0]), "reachable")
 
 
@@ -58,13 +55,11 @@ def _extinction() -> Iterator[Attempt]:
     net, n = network({"death": ({"X": 1}, {}, 1.0)}), 10**6
     left = n * np.exp([-1.0, -10.0])
 
-    def off(method: Any) -> float:
+    def off(counts: Ints) -> float:
         """Seven standard deviations at two times; and any left at a third, by which none are except for 3e-10."""
-        counts = method.simulate(net, [n], [1.0, 10.0, 36.0], runs=2, seed=3).counts[:, :, 0]
-        return float(max((abs(counts[:, :2] - left) / np.sqrt(left)).max() / 7.0, 2.0 * counts[:, 2].max()))
+        return float(max((abs(counts[:, :2, 0] - left) / np.sqrt(left)).max() / 7.0, 2.0 * counts[:, 2].max()))
 
-    for method in _samplers():
-        yield attempt(f"{method.name}, 1e6 copies", partial(off, method), 1.0)
+    yield from sampled(net, [n], [1.0, 10.0, 36.0], off, 2, 3, ", 1e6 copies")
 
 
 def _late_times() -> Iterator[Attempt]:
@@ -124,15 +119,11 @@ def _consumption() -> Iterator[Attempt]:
             yield attempt(what, lambda counts=counts: departure(counts().counts[:, 0, 0], probabilities), 1.0)
             late = partial(method.simulate, strict, [3], [9.0], runs=50, seed=8)
             yield refusal(f"{method.name}, refused at 0", late, "'eat'")
-    for kind in SOLVING_METHODS:
-        solved = partial(kind().solve, net, [3], [1.0])
-        yield attempt(
-            f"{kind.name}, blocked at 0", lambda solved=solved: _summed(solved().marginal("X")[0], probabilities), 1e-8
-        )
 
+    def summed(found: Distribution) -> float:
+        return float(abs(found.marginal("X")[0] - probabilities).sum())
 
-def _summed(found: Any, exact: Any) -> float:
-    return float(abs(found - exact).sum())
+    yield from solved(net, [3], [1.0], summed, 1e-8, ", blocked at 0")
 
 
 def _away(
@@ -149,17 +140,14 @@ def _away(
 def _duplicates() -> Iterator[Attempt]:
     twice = network({"one": ({"X": 1}, {}, 0.25), "two": ({"X": 1}, {}, 0.75)})
 
-    def off(method: Any) -> float:
-        return float(abs(method.solve(twice, [9], [1.0]).mean()[0, 0] - 9 * np.exp(-1.0)))
+    def off(found: Distribution) -> float:
+        return float(abs(found.mean()[0, 0] - 9 * np.exp(-1.0)))
 
-    def gap(method: Any) -> float:
-        counts = method.simulate(twice, [9], [1.0], runs=4000, seed=7).counts
+    def gap(counts: Ints) -> float:
         return float(abs(counts.mean() / 9 - np.exp(-1.0)) / np.sqrt(np.log(2 / CHANCE) / 8000))
 
-    for kind in SOLVING_METHODS:
-        yield attempt(kind.name, partial(off, kind()), 1e-8)
-    for method in _samplers():
-        yield attempt(method.name, partial(gap, method), 1.0)
+    yield from solved(twice, [9], [1.0], off, 1e-8)
+    yield from sampled(twice, [9], [1.0], gap, 4000, 7)
 
 
 SAMPLING = (
@@ -172,7 +160,7 @@ SAMPLING = (
     Case("any grid", "the same seed on two grids: runs that differ", "the same runs", _grids),
     Case(
         "large counts",
-        "20 of 5e9 and 1e15 copies turn: copies lost, and the mean beyond chance",
+        "20 of 5e9 and 1e15 copies convert: copies lost, and the mean beyond chance",
         "conservation",
         _large_counts,
     ),

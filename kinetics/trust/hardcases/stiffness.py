@@ -12,17 +12,9 @@ import numpy as np
 
 from kinetics.markov import committor, first_passage, stationary
 from kinetics.markov.state_enumeration import Condition
-from kinetics.markov.transient import (
-    SOLVING_METHODS,
-    Collocation,
-    Dense,
-    FiniteStateProjection,
-    SolvingMethod,
-    Transient,
-)
+from kinetics.markov.transient import Collocation, Dense, FiniteStateProjection, SolvingMethod, Transient
 from kinetics.network import Network
-from kinetics.sampling import SAMPLING_METHODS
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, Ints
 from kinetics.trust.hardcases.case import (
     Attempt,
     Case,
@@ -32,6 +24,8 @@ from kinetics.trust.hardcases.case import (
     network,
     refusal,
     relative,
+    sampled,
+    solved,
     walk,
 )
 
@@ -153,9 +147,7 @@ def _decades() -> Iterator[Attempt]:
     # Quick copies are gone at once, so that runs need not draw 1e12 events.
     ends = network({"ab": ({"A": 1}, {"B": 1}, 1e6), "cd": ({"C": 1}, {"D": 1}, 1e-6)})
     gone = [comb(4, n) * (-np.expm1(-1.0)) ** n * np.exp(n - 4.0) for n in range(5)]
-    for kind in SAMPLING_METHODS:
-        counts = partial(kind().simulate, ends, [6, 0, 4, 0], [1e6], runs=4000, seed=11)
-        yield attempt(kind.name, lambda counts=counts: departure(counts().counts[:, 0, 3], gone), 1.0)
+    yield from sampled(ends, [6, 0, 4, 0], [1e6], lambda counts: departure(counts[:, 0, 3], gone), 4000, 11)
 
 
 def _thousands() -> Iterator[Attempt]:
@@ -194,17 +186,13 @@ def _binding() -> Iterator[Attempt]:
     mean = float(sum((n - c) * w for c, w in enumerate(weights)) / sum(weights))
     start = [n, n, 0]
     yield attempt(f"stationary, mean {mean:.2f}", lambda: relative(stationary(net, start).mean()[0], mean), 1e-13)
-    for method in SOLVING_METHODS:
-        late = partial(method().solve, net, start, [3.0])
-        yield attempt(f"{method.name}, late", lambda late=late: beyond_its_error(late(), [mean, mean, n - mean]), 1.0)
-    for kind in SAMPLING_METHODS:
-        # Five standard errors, and short of 65.887.
-        runs = partial(kind().simulate, net, [66, 66, 434], [0.2], runs=20_000, seed=12)
-        yield attempt(
-            f"{kind.name}, distance of the mean",
-            lambda runs=runs: float(abs(runs().counts[:, 0, 0].mean() - mean)),
-            0.19,
-        )
+    yield from solved(net, start, [3.0], lambda late: beyond_its_error(late, [mean, mean, n - mean]), 1.0, ", late")
+
+    def off(counts: Ints) -> float:
+        return float(abs(counts[:, 0, 0].mean() - mean))
+
+    # Five standard errors, and short of 65.887.
+    yield from sampled(net, [66, 66, 434], [0.2], off, 20_000, 12, ", distance of the mean", 0.19)
 
 
 def _two_classes() -> Iterator[Attempt]:
@@ -223,14 +211,12 @@ def _two_classes() -> Iterator[Attempt]:
         "dense, digits", lambda: relative(Dense().solve(net, [1, 0, 0, 0], [100.0]).mean()[0, 1:], exact[1:]), DIGITS
     )
 
-    for method in SOLVING_METHODS:
-        late = partial(method().solve, net, [1, 0, 0, 0], [100.0])
-        yield attempt(f"{method.name}, late", lambda late=late: beyond_its_error(late(), exact), 1.0)
+    yield from solved(net, [1, 0, 0, 0], [100.0], lambda late: beyond_its_error(late, exact), 1.0, ", late")
     ends: dict[str, Condition] = {"pair": lambda states: states[:, 1] > 0, "trap": lambda states: states[:, 3] > 0}
     yield attempt("committor", lambda: relative(committor(net, [1, 0, 0, 0], ends).probabilities, [0.25, 0.75]), 1e-15)
-    for kind in SAMPLING_METHODS:
-        runs = partial(kind().simulate, net, [1, 0, 0, 0], [100.0], runs=4000, seed=13)
-        yield attempt(kind.name, lambda runs=runs: departure(runs().counts[:, 0] @ [0, 1, 2, 3], exact), 1.0)
+    yield from sampled(
+        net, [1, 0, 0, 0], [100.0], lambda counts: departure(counts[:, 0] @ [0, 1, 2, 3], exact), 4000, 13
+    )
 
 
 def _yule() -> Iterator[Attempt]:
@@ -246,9 +232,7 @@ def _yule() -> Iterator[Attempt]:
     yield refusal("transient", lambda: Transient(max_states=1000).solve(net, [1], [4.0]), "X up to")
     yield refusal("stationary", lambda: stationary(net, [1], max_states=1000), "over 1000 states are reachable")
     solution = np.append(0.0, np.exp(-4.0) * (-np.expm1(-4.0)) ** np.arange(2000))
-    for kind in SAMPLING_METHODS:
-        runs = partial(kind().simulate, net, [1], [4.0], runs=4000, seed=14)
-        yield attempt(kind.name, lambda runs=runs: departure(runs().counts[:, 0, 0], solution), 1.0)
+    yield from sampled(net, [1], [4.0], lambda counts: departure(counts[:, 0, 0], solution), 4000, 14)
 
 
 def _births_from_nothing() -> Iterator[Attempt]:
@@ -261,11 +245,8 @@ def _births_from_nothing() -> Iterator[Attempt]:
 
     for points in (2, 50):
         yield attempt(f"fsp, {points} times", partial(off, points), 1e-10)
-        for kind in SAMPLING_METHODS:
-            runs = partial(kind().simulate, net, [0], np.linspace(0.0, 40.0, points), runs=2000, seed=15)
-            yield attempt(
-                f"{kind.name}, {points} times", lambda runs=runs: departure(runs().counts[:, -1, 0], exact), 1.0
-            )
+        times, what = np.linspace(0.0, 40.0, points), f", {points} times"
+        yield from sampled(net, [0], times, lambda counts: departure(counts[:, -1, 0], exact), 2000, 15, what)
 
 
 STIFFNESS = (
@@ -274,7 +255,7 @@ STIFFNESS = (
     ),
     Case(
         "near-decomposable",
-        "two pairs hardly joined: relative error of the stationary distribution",
+        "two weakly coupled pairs: relative error of the stationary distribution",
         "balance",
         _decomposable,
     ),
@@ -290,7 +271,7 @@ STIFFNESS = (
     Case(
         "two closed classes", "a pair and a trap: relative error of the last probabilities", "closed form", _two_classes
     ),
-    Case("yule", "births without end: summed error", "geometric distribution", _yule),
+    Case("yule", "unbounded births: summed error", "geometric distribution", _yule),
     Case(
         "empty start",
         "births and deaths from nothing on two grids: summed error",

@@ -24,7 +24,7 @@ class CorrelatedRuns(SamplerCheck):
     """
 
     name = "correlated runs"
-    sees = "runs or seeds that share random numbers, so that runs are alike or opposite without being equal"
+    sees = "runs or seeds that share random numbers, so that runs are correlated without being equal"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
         """Of every species at every time, or of the first 24 species."""

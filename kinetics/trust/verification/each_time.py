@@ -20,7 +20,7 @@ class EachTime(SamplerCheck):
     """States and distribution functions by exact binomial probabilities, moments by Bennett's bound."""
 
     name = "each time"
-    sees = "a wrong distribution at one of the times, whole or in its moments"
+    sees = "a wrong distribution at one of the times, as a whole or in its moments"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
         """Of every time: likely states, the rest, species, products of two species, and the whole distribution."""
@@ -43,7 +43,7 @@ def _states(sample: SamplerRuns, t: int, at: str) -> Iterator[SamplerFinding]:
     # What no chain can do is not left to chance.
     strays = int((rows < 0).sum())
     possible = 0.0 if solution.is_complete else n * error
-    yield SamplerFinding(f"states that cannot be {at}", strays / n, 0.0, rare_events(strays, possible))
+    yield SamplerFinding(f"states that are impossible {at}", strays / n, 0.0, rare_events(strays, possible))
     yield SamplerFinding(f"all states together {at}", 0.0, 0.0, from_evidence(whole(hits, p, likely, n, error)))
 
 

@@ -26,7 +26,7 @@ class PathChoices(SamplerCheck):
     """
 
     name = "choices"
-    sees = "channels that fire in wrong shares, also those that change the counts alike"
+    sees = "channels that fire in wrong proportions, even if they change the counts in the same way"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
         """Of the paths of the seed, for every channel, or the first 64."""

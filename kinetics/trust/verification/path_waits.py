@@ -28,7 +28,7 @@ class PathWaits(SamplerCheck):
     """
 
     name = "waits"
-    sees = "waits that are not exponential, come from short random numbers, or return in other runs or seeds"
+    sees = "waits that are not exponential, come from random numbers of few bits, or recur in other runs or seeds"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
         """Of the paths of the seed, and for equal waits of the next one as well."""

@@ -20,7 +20,7 @@ class RateScores(SamplerCheck):
     """The mean of each rate's score, which is 0, by Bennett's bound from its exact variance."""
 
     name = "rates"
-    sees = "a rate constant, or a number of ways or combinations, that is off by a little"
+    sees = "a rate constant, multiplicity or number of combinations that is slightly off"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
         """Of every channel; none of networks with rate laws or too many channels."""
@@ -48,7 +48,7 @@ class RateSight:
 
 
 def sight_of_rates(reference: Reference, runs: int, level: float) -> tuple[RateSight, ...]:
-    """What findings that fail at p-values of `level` show of each channel's rate, in so many runs.
+    """The smallest error of each channel's rate that `runs` runs detect, if findings fail at p-values of `level`.
 
     For small errors: the mean of the score grows in proportion to them, and its variance stays.
     """

@@ -59,7 +59,7 @@ class Reference:
 
     @property
     def start(self) -> Ints:
-        """The initial state (S,)."""
+        """The initial counts (S,)."""
         return self.solution.space.states[0]
 
     @property
@@ -141,7 +141,7 @@ class Reference:
 
     @property
     def _of_the_times(self) -> float:
-        """What the rounding of a difference of times can do."""
+        """Bound on the effect of rounding in a difference of times."""
         return 4.0 * ROUNDOFF * self.chain.rate * float(self.solution.times[-1])
 
     @cached_property

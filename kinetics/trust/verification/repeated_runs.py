@@ -24,7 +24,7 @@ class RepeatedRuns(SamplerCheck):
     """
 
     name = "repeated runs"
-    sees = "runs that occur more than once, in one seed or in two neighbouring ones"
+    sees = "runs that occur more than once, in one seed or in two consecutive ones"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
         """At the times, at fine times, and of neighbouring seeds at fine times."""

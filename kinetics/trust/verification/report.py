@@ -15,16 +15,16 @@ from kinetics.trust.verification.rate_scores import RateSight
 CHECK_TITLES = ("check", "findings", "failed", "p-value", "sees")
 MOST_SHOWN = 10  # findings that failed
 NOT_SEEN = (
-    "mistakes in so few runs, or so small, that right runs scatter as much: the tables above say where that begins",
-    f"runs alike, but not equal, at distances other than {', '.join(map(str, LAGS))} and half of the runs",
-    "seeds that share random numbers, but are not neighbours",
-    "what happens after the last time, or in other networks and from other counts",
+    "mistakes so small, or in so few runs, that correct runs scatter as much: see the tables above",
+    f"runs that are similar but not equal, at distances other than {', '.join(map(str, LAGS))} and half of the runs",
+    "seeds that share random numbers but are not consecutive",
+    "anything after the last time, in other networks, or from other initial counts",
 )
 
 
 @dataclass(frozen=True)
 class CheckSummary:
-    """What one check came to: how many findings, and the smallest p-value times their number."""
+    """The result of one check: how many findings, and the smallest p-value times their number."""
 
     name: str
     sees: str
@@ -95,8 +95,8 @@ class Verification(Shown):
     def summary(self) -> ResultTable:
         """One row a check; what failed, and what no check sees, below."""
         notes = [f"failed: {f.what}: {f.found:.6g}, exact {f.expected:.6g}, p {f.p_value:.1e}" for f in self.failures]
-        unseen = [f"not seen by any check: {what}" for what in NOT_SEEN]
-        chance = f"a right sampler fails with probability {self.false_alarm:g} at most"
+        unseen = [f"detected by no check: {what}" for what in NOT_SEEN]
+        chance = f"a correct sampler fails with probability {self.false_alarm:g} at most"
         return ResultTable(self.headline, CHECK_TITLES, self._checks, [*notes[:MOST_SHOWN], chance, *unseen])
 
     @property
@@ -104,10 +104,10 @@ class Verification(Shown):
         return [(c.name, str(c.findings), str(c.failed), f"{c.p_value:.2g}", c.sees) for c in self.checks]
 
     def __str__(self) -> str:
-        right = "" if self.is_bound else ", as far as the solution's error holds, which is an estimate"
+        right = "" if self.is_bound else ", if the solution's error, an estimate, holds"
         if self.unbounded:
-            right += f": how {', '.join(map(repr, self.unbounded))} rounds is not known"
-        chance = f"a right sampler fails one with probability {self.false_alarm:g} at most{right}"
+            right += f": no bound on the rounding of {', '.join(map(repr, self.unbounded))}"
+        chance = f"a correct sampler fails one with probability {self.false_alarm:g} at most{right}"
         number = f"{len(self.findings)} findings on {self.runs} runs (seed {self.seed}), {len(self.failures)} failed"
         lines = [f"{self.method}: {number}; {chance}"]
         if self.failures:
@@ -116,13 +116,13 @@ class Verification(Shown):
         lines.append(text_table(CHECK_TITLES, self._checks))
         if self.mutants:
             lines.append("power, measured on mutants of these runs, each made once:")
-            seen = [(m.name, ", ".join(m.caught_by) or "NOT SEEN") for m in self.mutants]
-            lines.append(text_table(("mutant", "seen by"), seen))
+            seen = [(m.name, ", ".join(m.caught_by) or "NOT DETECTED") for m in self.mutants]
+            lines.append(text_table(("mutant", "detected by"), seen))
         if self.rates:
-            lines.append("wrong rates, seen but for one time in 1,000:")
+            lines.append("wrong rates, detected with probability 0.999:")
             sights = [(r.channel, _percent(r.smallest), _number(r.runs_for_one_percent)) for r in self.rates]
-            lines.append(text_table(("rate of", "in these runs from", "1 % in runs"), sights))
-        lines += ["not seen by any check:", *(f"- {what}" for what in NOT_SEEN)]
+            lines.append(text_table(("rate of", "error detected in these runs", "runs that detect 1 %"), sights))
+        lines += ["detected by no check:", *(f"- {what}" for what in NOT_SEEN)]
         return "\n".join(lines)
 
     def to_json(self) -> dict[str, Any]:

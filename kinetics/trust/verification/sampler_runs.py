@@ -25,11 +25,11 @@ class CountSampler(Protocol):
 
     @property
     def name(self) -> str:
-        """For the report."""
+        """The sampler's name in the report."""
 
     @property
     def simulate(self) -> Callable[..., Ensemble]:
-        """As `SamplingMethod.simulate`."""
+        """Counts of runs (runs, T, S) at `times` (T,), tu; arguments as for `SamplingMethod.simulate`."""
 
 
 @dataclass(frozen=True, eq=False)

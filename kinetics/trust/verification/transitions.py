@@ -30,7 +30,7 @@ class BetweenTimes(SamplerCheck):
     """
 
     name = "transitions"
-    sees = "a time that does not follow from the time before, as when it was taken from another run"
+    sees = "counts that do not follow from those at the time before, as if taken from another run"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
         """Of every pair of neighbouring times."""
@@ -114,7 +114,9 @@ def _together(visits: Ints, hits: Ints, matrix: Expectations, between: str) -> I
     chances, error = np.maximum(matrix.values, 0.0), matrix.error
     rare = chances <= RARE
     seen, expected = int(hits[rare].sum()), float(visits @ ((chances * rare).sum(axis=1) + error))
-    yield SamplerFinding(f"transitions that hardly can be {between}", seen, expected, rare_events(seen, expected))
+    yield SamplerFinding(
+        f"transitions that are nearly impossible {between}", seen, expected, rare_events(seen, expected)
+    )
 
     # E-values of the states before multiply: given those, what comes after is independent.
     log_value = 0.0

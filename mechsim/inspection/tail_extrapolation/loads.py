@@ -51,7 +51,7 @@ class Loads:
         if (self.species, self.log_above, self.threshold) != (other.species, other.log_above, other.threshold):
             raise ValueError(
                 f"logs above {self.log_above:g} with threshold {self.threshold:g} and above {other.log_above:g} with "
-                f"{other.threshold:g}, or of different rules; expected runs of one kind: take them one by one"
+                f"{other.threshold:g}, or of different rules; expected runs of one kind: analyse them separately"
             )
         return replace(
             self,
@@ -76,7 +76,7 @@ def logs_of(records: Sequence[RunRecord]) -> list[Loads]:
         raise ValueError("no runs; expected at least one finished run with a log (log_above of the effect breaking)")
     physics = {_physics(record) for record in records}
     if len(physics) > 1:
-        raise ValueError("the runs differ in effects, cubes or rules; expected one physics: take them one by one")
+        raise ValueError("the runs differ in effects, cubes or rules; expected one physics: analyse them separately")
     return [_loads_of(record) for record in records]
 
 

@@ -164,7 +164,7 @@ def break_rate(loads: Loads, species: int, source: str, threshold: float, alpha:
     answers = []
     for level in levels_of(loads.log_above, threshold):
         if tails and (value > level).sum() < FEWEST:
-            doubts.append(f"only {(value > level).sum()} hits above {level:.3g}, too few to see whether it is stable")
+            doubts.append(f"only {(value > level).sum()} hits above {level:.3g}, too few to test whether it is stable")
             break
         tails.append(fit_tail(value, level, threshold))
         answers.append(_answer(tails[-1], exposure))

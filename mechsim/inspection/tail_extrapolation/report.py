@@ -75,14 +75,14 @@ class TailExtrapolation:
     def __str__(self) -> str:
         n = len(self.loads.value)
         parts = [f"{n} hits above {self.loads.log_above:g} in {self.runs} runs, {self.cpu_seconds:.0f} s of CPU time"]
-        parts.append("hits a body, 1 / tu, with 95 % limits\n" + columns([asdict(row) for row in self.hits]))
+        parts.append("hits per body, 1 / tu, with 95 % intervals\n" + columns([asdict(row) for row in self.hits]))
         if self.exponents:
             parts.append("exponent of the partner's size\n" + columns([asdict(row) for row in self.exponents]))
         if self.exponent_doubts:
             parts.append("exponent not trustworthy: " + "; ".join(self.exponent_doubts))
         if self.breaks:
             shown = [_shown(row) for row in self.breaks]
-            parts.append("rates of breaks, by extrapolation, with 95 % limits\n" + columns(shown))
+            parts.append("rates of breaks, extrapolated, with 95 % intervals\n" + columns(shown))
         for row in self.breaks:
             if not row.is_trustworthy:
                 what = f"{row.species} by {row.source} at {row.threshold:g}"
@@ -176,6 +176,6 @@ def plot_tails(ax: Any, found: TailExtrapolation) -> Any:
     ax.set_yscale("log")
     ax.set_ylim(bottom=0.1 / max(float(loads.alone.max()), 1.0))
     ax.set_xlabel("load on the most loaded bond")
-    ax.set_ylabel("hits above it, a body (1 / tu)")
+    ax.set_ylabel("hits above it, per body (1 / tu)")
     ax.legend(frameon=False)
     return ax

@@ -54,9 +54,7 @@ def fit_tail(loads: Floats, level: float, threshold: float) -> Tail:
     excess = loads[loads > level] - level
     distance = threshold - level
     if len(excess) < FEWEST:
-        raise ValueError(
-            f"{len(excess)} loads above {level:g}; a tail needs {FEWEST}: take more runs, or a lower level"
-        )
+        raise ValueError(f"{len(excess)} loads above {level:g}; a tail needs {FEWEST}: use more runs, or a lower level")
     if not distance > 0:
         raise ValueError(f"threshold {threshold:g} is not above the level {level:g}: name a higher threshold")
 

@@ -193,8 +193,8 @@ class ClusterSession(Session):
             raise
         except Exception as error:
             raise OSError(
-                f"the cluster at {self.settings.address} cannot make runs: {' '.join(str(error).split())}; its "
-                "scheduler and its workers need the same wellmixed as this machine"
+                f"the cluster at {self.settings.address} cannot make runs: {' '.join(str(error).split())}; "
+                f"scheduler and workers need the same wellmixed as this machine"
             ) from error
         else:
             if said is None:
@@ -206,8 +206,8 @@ class ClusterSession(Session):
 
     def _gone(self) -> OSError:
         return OSError(
-            f"the scheduler at {self.settings.address} is gone, or has dropped the runs; what was finished is kept, "
-            "and the same command goes on from there"
+            f"the scheduler at {self.settings.address} is gone, or has dropped the runs; finished runs are kept; "
+            f"the same command continues from there"
         )
 
     def close(self) -> None:
@@ -240,7 +240,7 @@ def make(
         mine.append(session)
         try:
             if call in _over:
-                return "the command that asked for it is over"
+                return "the command that requested it has ended"
             session.start(spec, claim)
             (attempt,) = session.attempts
             while not attempt.ended:

@@ -52,7 +52,7 @@ def work(execute: Execute, spec: RunSpec, store: RunStore, reports: Connection, 
             os.chdir(folder)
         here = replace(spec)  # its key is computed anew, with the versions and the rule book of this machine
         if here.key != spec.key:
-            tell(ValueError(f"{spec.title}: {node()} has {_versions(here)}; the run was asked for with others"))
+            tell(ValueError(f"{spec.title}: {node()} has {_versions(here)}; the run was requested with others"))
             return
         record = execute(spec, progress)
         try:

@@ -73,7 +73,7 @@ def test_they_are_stated_beside_the_break_models(runs):
         assert found["is_asked_for"] == is_asked_for
         assert found["sentence"] == compared.doubles.sentence
         assert f"{found['seen']} of {found['breaks']} breaks came within 0.002 tu" in found["sentence"]
-        assert ("do not ask for a model with double breaks" in found["sentence"]) != is_asked_for
+        assert ("do not call for a model with double breaks" in found["sentence"]) != is_asked_for
         assert sum(pair["seen"] for pair in found["pairs"]) == found["seen"]
         assert f"double breaks: {found['sentence']}." in breaks_table(compared)
         assert found["low"] <= found["share"] <= found["high"]

@@ -71,7 +71,7 @@ def test_a_process_that_has_settled_keeps_its_rate_but_not_its_tests():
     verdict = diagnose(seen)
     assert verdict.failed
     assert verdict.verdict.startswith("The looks are too coarse to tell")
-    assert all(result.remedy == "look at shorter intervals before you judge" for result in verdict.results)
+    assert all(result.remedy == "observe at shorter intervals before judging" for result in verdict.results)
 
 
 def test_fine_looks_and_exact_times_are_left_alone():

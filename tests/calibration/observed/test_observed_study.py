@@ -21,6 +21,7 @@ from kinetics.rates import Rates
 from kinetics.rates.breaks import Expansion, break_model
 from kinetics.runs.event_tables import TableRun, event_tables
 from kinetics.sampling import sample_path
+from tests.helpers.expanded_paths import on_base
 
 STUDIES, ALL = 100, 2000  # by default, and with --validate
 FALSE_ALARM = 1e-6
@@ -107,7 +108,7 @@ def test_a_simulation_under_a_break_model_is_read_as_the_book_has_it(tmp_path):
     known = expansion.network.with_rates(np.full(len(expansion.network.channels), 1e-3))
     paths = [sample_path(known, [60, 0, 0, 0], 100.0, seed=6, run=run) for run in range(2)]
     study = observed_study("line4", base, *written(tmp_path, paths))
-    assert study.calibration.table() == estimate(expansion.on_base(path) for path in paths).table()
+    assert study.calibration.table() == estimate(on_base(expansion, path) for path in paths).table()
     assert study.calibration.total.events.min() > 0
 
 
@@ -226,12 +227,12 @@ def test_a_network_file_says_what_can_happen(wellmixed_here, tmp_path, tables, s
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--events", "events.csv", "--runs", 5], "--runs is about mechanics runs, and --events makes none"),
-        (["--events", "events.csv", "--duration", 5], "--duration is about mechanics runs, and --events makes none"),
+        (["--events", "events.csv", "--runs", 5], "--runs applies to mechanics runs, and --events makes none"),
+        (["--events", "events.csv", "--duration", 5], "--duration applies to mechanics runs, and --events makes none"),
         (["--events", "events.csv", "--cubes", 60, 80], "--cubes 60 80: with --events one number, that of the cubes"),
-        (["--events", "events.csv", "--workers", 2], "--workers is about mechanics runs, and --events makes none"),
-        (["--events", "events.csv", "--shard", "1/2"], "--shard is about mechanics runs, and --events makes none"),
-        (["--events", "events.csv", "--seed", 2], "--seed is about mechanics runs, and --events makes none"),
+        (["--events", "events.csv", "--workers", 2], "--workers applies to mechanics runs, and --events makes none"),
+        (["--events", "events.csv", "--shard", "1/2"], "--shard applies to mechanics runs, and --events makes none"),
+        (["--events", "events.csv", "--seed", 2], "--seed applies to mechanics runs, and --events makes none"),
         (
             ["--run-table", "runs.csv"],
             "--run-table describes observed runs; name their table too, by --events",

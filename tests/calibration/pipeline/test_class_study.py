@@ -148,7 +148,7 @@ def test_wrong_rates_are_seen(place, calibrated):
     (joins,) = (row for row in comparison.events if row.kind == "joins")
     assert joins.p == pytest.approx(2 / 400)
     assert joins.seen > joins.high
-    assert comparison.table().startswith("from 20 monomers, 1 seed, 3 runs beside 399 predicted groups of as many")
+    assert comparison.table().startswith("from 20 monomers, 1 seed, 3 runs, compared with 399 predicted groups")
 
 
 def test_growth_by_the_rules_reads_what_was_written(wellmixed_here, place, calibrated):

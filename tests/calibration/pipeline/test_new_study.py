@@ -92,7 +92,7 @@ def test_a_target_that_grows_from_a_seed_is_studied_by_class(tmp_path):
     assert set(ClassRates.load(folder / "rates.toml").classes) == {"join", "join touching 1"}
     begun = json.loads(run("predict", folder, "--runs", "5", "--duration", "20", "--json"))
     assert (begun["initial"]["monomer"], begun["initial"]["seed"]) == (10, 2)
-    with pytest.raises(ValueError, match="do not pay for a run of growth"):
+    with pytest.raises(ValueError, match="are not enough for a run of growth"):
         new_study(str(folder / "target.toml"), tmp_path / "poor", cpu_hours=1e-9, cubes=(12,), held_out=(12,))
 
 
@@ -115,7 +115,7 @@ def test_an_s_of_four_goes_the_whole_way(tmp_path):
 def test_it_is_made_whole_or_not_at_all(study, tmp_path):
     folder, _ = study
     said = run("new", folder / "target.toml", folder, code=2)
-    assert "is there already" in said
+    assert "already exists" in said
     assert "the folder of" in run("new", "corner", tmp_path / "no" / "where", code=2)
     assert "holds no scene.toml" in run("simulate", tmp_path, code=2)
     with pytest.raises(ValueError, match="do not pay"):

@@ -77,7 +77,7 @@ def test_a_budget_that_does_not_reach(planned):
     said = short.shortfalls[0]
     assert f"reaches a half-width of {short.width:.1%}" in said
     assert f"20.0% would cost {planned.calibration_seconds / 3600:.3g} hours" in said
-    with pytest.raises(ValueError, match=r"do not pay for a run that shows each rate and 2 held-out runs"):
+    with pytest.raises(ValueError, match=r"are not enough for a run that shows each rate and 2 held-out runs"):
         make_plan(request(cpu_hours=1e-4), pilot(), seconds)
 
 
@@ -174,7 +174,7 @@ def test_the_command(wellmixed_here, tmp_path):
         (["--shift", "some"], "some is no share"),
         (["--cpu-hours", "0"], "0.0 is not in the range x>0"),
         (["--cpu-hours", "nan"], "expected a finite number above 0"),
-        (["--cpu-hours", "1e-9"], "do not pay for a run"),
+        (["--cpu-hours", "1e-9"], "are not enough for a run"),
         (["--duration", "inf"], "duration = inf; expected a finite number of tu above 0"),
         (["--held-out-duration", "-1"], "held_out_duration = -1.0; expected a finite number of tu above 0"),
         (["--along", "inf"], "along = [inf]; expected finite times of at least 0 tu"),

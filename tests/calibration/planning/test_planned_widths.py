@@ -13,6 +13,7 @@ from calibration.planning.forecast import Forecast
 from kinetics.assembly import RuleBook, derive
 from kinetics.rates import Rates
 from kinetics.sampling import sample_path
+from tests.helpers.expanded_paths import on_base
 
 SIZES, DURATION, ALONG = [1, 2, 3, 4], 500.0, [0.0, 200.0, 800.0]
 TANK = (2.0, 2.0, 3.0)
@@ -41,7 +42,7 @@ def truth():
 def watched(composition, seed, run):
     """One run of the mechanics that there would be."""
     expansion = truth().expansion(network())
-    return expansion.on_base(sample_path(truth().apply(network()), composition, DURATION, seed=seed, run=run))
+    return on_base(expansion, sample_path(truth().apply(network()), composition, DURATION, seed=seed, run=run))
 
 
 def pilot(seed, runs=4):

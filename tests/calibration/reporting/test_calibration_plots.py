@@ -92,9 +92,7 @@ def test_rebinding_beside_what_is_expected():
 @pytest.mark.parametrize("end", [2.0, 40.0])  # with and without censored first times
 def test_trajectories_and_first_times(end):
     held_out = [sample_path(line_network(), [30, 0, 0, 0], end, seed=1, run=i) for i in range(5)]
-    found = crossvalidate(
-        line_network(), estimate(runs()).rates(), held_out, np.linspace(0, end, 9), "quadmer", "30 cubes", 20, 99
-    )
+    found = crossvalidate(estimate(runs()).rates(), held_out, np.linspace(0, end, 9), "quadmer", 20, 99)
     made = axes(3)
     assert found.plot(made, ["dimer", "trimer", "quadmer"]) is made
     labels = texts(made[2])
@@ -102,7 +100,7 @@ def test_trajectories_and_first_times(end):
     assert labels[2:] == ["exact, 95 % band for 5 runs", "SSA, 20 runs", "mechanics, 95 % interval"]
     ax = axes()
     found.first.plot(ax)
-    assert "mechanics, 5 runs, 95 % limits" in texts(ax)
+    assert "mechanics, 5 runs, 95 % intervals" in texts(ax)
     assert ax.get_ylim() == (0.0, 1.0)
     ax = axes()
     found.single_runs.plot(ax)

@@ -47,7 +47,7 @@ def without_evidence(rates):
 
 def repeated(repeats, rates_of=calibrated, **options):
     return [
-        crossvalidate(line_network(), rates_of(i), held_out(i, **options), TIMES, "quadmer", seed=i, groups=99, runs=20)
+        crossvalidate(rates_of(i), held_out(i, **options), TIMES, "quadmer", seed=i, groups=99, runs=20)
         for i in range(repeats)
     ]
 
@@ -86,13 +86,13 @@ def test_controls_are_seen(rates_of, factor):
 
 def test_thirty_per_cent_are_seen_at_once_with_good_rates():
     """Long calibration runs and 100 held-out runs: one comparison decides."""
-    network, rates = line_network(), calibrated(0, length=3000.0)
+    rates = calibrated(0, length=3000.0)
     options = {"seed": 1, "groups": 399, "most_groups": 4999}  # the default resolves p-values that none here needs
-    same = crossvalidate(network, rates, held_out(1, n=100), TIMES, "quadmer", **options)
+    same = crossvalidate(rates, held_out(1, n=100), TIMES, "quadmer", **options)
     assert same.is_consistent
     assert same.coverage.share > 0.8
     assert np.nanmax(np.abs(same.z)) < 5
-    off = crossvalidate(network, rates, held_out(1, n=100, factor=0.7), TIMES, "quadmer", **options)
+    off = crossvalidate(rates, held_out(1, n=100, factor=0.7), TIMES, "quadmer", **options)
     assert not off.is_consistent
     assert off.p_misfit == 1 / 400  # none of the 399 groups
     assert off.coverage.share < 0.6
@@ -101,8 +101,8 @@ def test_thirty_per_cent_are_seen_at_once_with_good_rates():
 
 @pytest.fixture(scope="module")
 def comparison():
-    return crossvalidate(
-        line_network(), calibrated(5), held_out(5, n=10), TIMES, "quadmer", "30 cubes", 50, 199, mechanics_cpu=12.5
+    return replace(
+        crossvalidate(calibrated(5), held_out(5, n=10), TIMES, "quadmer", 50, 199), label="30 cubes", mechanics_cpu=12.5
     )
 
 
@@ -128,7 +128,7 @@ def test_nothing_lies_beyond_what_is_possible(comparison):
     most = 30 // np.array([1, 2, 3, 4])
     assert (comparison.observed_low >= 0).all()
     assert (comparison.observed_high <= most).all()
-    few = crossvalidate(line_network(), calibrated(5), held_out(5, n=2), TIMES, "quadmer", runs=20, groups=99)
+    few = crossvalidate(calibrated(5), held_out(5, n=2), TIMES, "quadmer", runs=20, groups=99)
     assert (few.observed_low == 0).any()
     assert 0 <= few.first.low <= few.first.high <= TIMES[-1]
     for share in (few.coverage, few.run_coverage):
@@ -144,7 +144,7 @@ def test_channels_without_events_predict_neither_infinity_nor_what_their_band_ex
     }
     rates = seen.replace(channels=channels)
     assert first_passage(rates.apply(line_network()), held_out(5, n=1)[0].initial, "quadmer").mean == np.inf  # control
-    found = crossvalidate(line_network(), rates, held_out(5, n=5), TIMES, "quadmer", runs=20, groups=99)
+    found = crossvalidate(rates, held_out(5, n=5), TIMES, "quadmer", runs=20, groups=99)
     assert np.isfinite(found.first.mean)
     assert 0 <= found.first.predicted_mean <= found.first.horizon
     assert (found.low <= found.predicted_mean).all()
@@ -172,9 +172,7 @@ def test_is_json(comparison):
 
 
 def test_same_seed_same_result(comparison):
-    again = crossvalidate(
-        line_network(), calibrated(5), held_out(5, n=10), TIMES, "quadmer", "30 cubes", 50, 199, mechanics_cpu=12.5
-    )
+    again = crossvalidate(calibrated(5), held_out(5, n=10), TIMES, "quadmer", 50, 199)
     np.testing.assert_array_equal(again.low, comparison.low)
     assert again.scores == comparison.scores
     assert again.first.p_value == comparison.first.p_value
@@ -183,13 +181,13 @@ def test_same_seed_same_result(comparison):
 def test_order_of_the_rates_file_does_not_matter(comparison):
     rates = calibrated(5)
     turned = rates.replace(channels=dict(reversed(rates.channels.items())))
-    again = crossvalidate(line_network(), turned, held_out(5, n=10), TIMES, runs=50, groups=399)
+    again = crossvalidate(turned, held_out(5, n=10), TIMES, runs=50, groups=399)
     assert np.abs(again.high - comparison.high).max() < 3
     assert again.first is None
 
 
 def test_single_run_has_no_interval_but_a_score():
-    single = crossvalidate(line_network(), calibrated(0), held_out(0, n=1), TIMES, "quadmer", runs=50, groups=199)
+    single = crossvalidate(calibrated(0), held_out(0, n=1), TIMES, "quadmer", runs=50, groups=199)
     assert np.isnan(single.observed_low).all()
     assert np.isfinite(single.scores[-1].score)
 
@@ -204,18 +202,18 @@ def test_refuses_what_are_no_held_out_runs():
         ([*runs, replace(runs[0], initial=[34, 0, 0, 0])], "path 2 starts from"),
         ([restarted], "was restarted"),
         ([closed], "channels closed"),
-        ([JumpPath(other, [3], [], [], 25.0)], "another network"),
+        ([*runs, JumpPath(other, [3], [], [], 25.0)], "another network"),
     ):
         with pytest.raises(ValueError, match=message):
-            crossvalidate(network, rates, paths, TIMES)
+            crossvalidate(rates, paths, TIMES)
     with pytest.raises(ValueError, match="observed until 25"):
-        crossvalidate(network, rates, runs, [0.0, 26.0])
+        crossvalidate(rates, runs, [0.0, 26.0])
     with pytest.raises(ValueError, match="cannot bound a band"):
-        crossvalidate(network, rates, runs, TIMES, groups=20)
+        crossvalidate(rates, runs, TIMES, groups=20)
     with pytest.raises(ValueError, match="already holds a monomer"):
-        crossvalidate(network, rates, runs, TIMES, "monomer", groups=99)
+        crossvalidate(rates, runs, TIMES, "monomer", groups=99)
     with pytest.raises(ValueError, match="unknown species 'quad'"):
-        crossvalidate(network, rates, runs, TIMES, "quad", groups=99)
+        crossvalidate(rates, runs, TIMES, "quad", groups=99)
 
 
 # Scores
@@ -332,9 +330,7 @@ def test_what_the_rates_call_impossible_is_seen():
 def both_ways():
     """The same comparison with the exact solution, and as where the states are too many for it."""
     made = [
-        crossvalidate(
-            line_network(), calibrated(5), held_out(5, n=10), TIMES, "quadmer", groups=199, seed=3, exact_states=limit
-        )
+        crossvalidate(calibrated(5), held_out(5, n=10), TIMES, "quadmer", groups=199, seed=3, exact_states=limit)
         for limit in (200_000, 50)
     ]
     assert [each.is_exact for each in made] == [True, False]
@@ -371,7 +367,7 @@ def test_sampled_first_times_say_how_well_they_are_known(both_ways):
 
 def test_sampled_predictions_see_wrong_rates_too():
     found = crossvalidate(
-        line_network(), calibrated(0, length=3000.0), held_out(1, n=100, factor=1.3), TIMES, "quadmer", seed=1,
+        calibrated(0, length=3000.0), held_out(1, n=100, factor=1.3), TIMES, "quadmer", seed=1,
         exact_states=50, groups=399, most_groups=4999,
     )  # fmt: skip
     assert not found.is_consistent

@@ -213,10 +213,8 @@ def test_joins_twenty_per_cent_off_in_ten_runs_of_sixty_cubes_are_seen():
 
 
 def compared(paths, most_groups=999):
-    network, rates = line4()
-    return crossvalidate(
-        network, rates, paths, np.linspace(0, 2000, 41), label="60 cubes", seed=2, groups=999, most_groups=most_groups
-    )
+    _, rates = line4()
+    return crossvalidate(rates, paths, np.linspace(0, 2000, 41), seed=2, groups=999, most_groups=most_groups)
 
 
 def test_breaks_twice_as_often_as_promised_are_refuted():

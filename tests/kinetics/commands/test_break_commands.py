@@ -87,7 +87,7 @@ def test_derive_shows_partners():
     assert data["breaks"] == {"model": "collision-wall"}
     assert "dimer + quadmer -> 3 dimer" in run("rules", "derive", "line4", "--break-model", "collision")
     assert json.loads(run("rules", "derive", "line4", "--json"))["breaks"] == {"model": "first-order"}
-    assert "the rates say how bonds break" in run(
+    assert "the rates decide how bonds break" in run(
         "rules", "derive", "line4", "--break-model", "collision", "--out", "x.net", code=2
     )
 

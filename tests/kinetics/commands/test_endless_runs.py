@@ -48,7 +48,7 @@ def test_figures_are_given_for_the_times_before(effort, words, times, reason, fo
     [
         (["predict", "yule.rxn", "--times", 60, "--runs", 20], "ask for earlier times"),
         (["predict", "yule.rxn", "--times", 60, "--accuracy", "20%"], "ask for earlier times"),
-        (["predict", "steep.rxn", "--times", 1, "--runs", 20], "a propensity beyond 1e308"),
+        (["predict", "steep.rxn", "--times", 1, "--runs", 20], "a propensity exceeded 1e308"),
     ],
 )
 def test_a_command_without_any_figure_says_why(words, says, folder):

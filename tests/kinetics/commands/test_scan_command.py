@@ -32,7 +32,6 @@ def test_a_network_file(place):
     assert data["over"] == {"k1": pytest.approx([1e-4, 1e-3, 1e-2]), "B": [5.0, 10.0]}
     assert (data["points"], data["complete"], len(data["rows"])) == (6, True, 12)
     assert {row["kind"] for row in data["rows"]} == {"proven"}
-    assert "6 points, 3 still to be answered; those tried took" in done.err
     asked = run_here("ask", "model.rxn", "--set", "k1=1e-3", "--initial", "B=5", ASK[1], ASK[3], "--json", cwd=place)
     rows = [row for row in data["rows"] if row["k1"] == pytest.approx(1e-3) and row["B"] == 5]
     for row, answer in zip(rows, asked.json["answers"], strict=True):
@@ -45,7 +44,6 @@ def test_a_network_file(place):
     assert table["value"].tolist() == [row["value"] for row in data["rows"]]
     again = run_here(*command, cwd=place)
     assert again.json["rows"] == data["rows"]  # seconds too: they were kept
-    assert "still to be answered" not in again.err
 
 
 def test_a_book_over_cubes(place):
@@ -75,7 +73,6 @@ def test_sampled_by_workers(place):
     for one, other in zip(once["rows"], twice["rows"], strict=True):
         assert one | {"cpu_seconds": 0} == other | {"cpu_seconds": 0}
     assert {row["kind"] for row in once["rows"]} == {"95 % confidence"}
-    assert "by 2 workers in 1/2 of that" in done.stderr
 
 
 SLOW = [
@@ -107,13 +104,12 @@ def test_ctrl_c_keeps_what_is_done_and_the_same_command_goes_on(place, workers, 
     assert process.returncode == 130, err
     made = lines(place)
     assert 3 <= made < 12
-    assert f"Interrupted: {made} of 12 points are answered, and kept in scans; the same command goes on" in err
+    assert f"Interrupted: {made} of 12 points are answered and stored in scans; the same command continues" in err
     assert "Traceback" not in err
     assert f"{made} of 12 points of k1 (12) x A (1)" in out
     done = run_here(*SLOW, "--runs", 150, "--json", cwd=place)
     assert done.json["complete"]
-    assert f"{12 - made - 3} still to be answered" in done.err or made >= 9
-    assert lines(place) == 12
+    assert lines(place) == 12  # those that were done are not made again
 
 
 def lines(place):

@@ -112,25 +112,24 @@ def copy(tmp_path_factory):
     return made
 
 
-def contract_of(copy, text, monkeypatch):
+def contract_of(copy, text):
     """The contract's cases for a format that is this file; nothing is compiled for so small networks."""
     (copy / "kinetics" / "formats" / "sheet.py").write_text(text, encoding="utf-8")
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
-    return run_contract(copy, "test_formats.py", "-k", "sheet", "-rf", "--tb=no")
+    return run_contract(copy, "test_formats.py", "-k", "sheet", "-rf", "--tb=no", plain=True)
 
 
 @pytest.mark.parametrize("text", [SHEET, changed(SHEET, MORE)], ids=["plain", "laws"])
-def test_one_file_and_its_line_add_a_format(text, copy, monkeypatch):
-    done = contract_of(copy, text, monkeypatch)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert re.search(r"\b[12][0-9] passed", done.stdout), done.stdout
+def test_one_file_and_its_line_add_a_format(text, copy):
+    code, said = contract_of(copy, text)
+    assert code == 0, said
+    assert re.search(r"\b[12][0-9] passed", said), said
 
 
 @pytest.mark.parametrize(
     ("base", "mistakes"), [(SHEET, MISTAKES), (changed(SHEET, MORE), LOSSES)], ids=["plain", "laws"]
 )
-def test_the_contract_sees_what_is_wrong_with_it(base, mistakes, copy, monkeypatch):
-    done = contract_of(copy, changed(base, mistakes), monkeypatch)
-    assert done.returncode == 1, done.stdout + done.stderr
+def test_the_contract_sees_what_is_wrong_with_it(base, mistakes, copy):
+    code, said = contract_of(copy, changed(base, mistakes))
+    assert code == 1, said
     for *_, case in mistakes:
-        assert f"::{case}" in done.stdout, f"{case} did not fail: {done.stdout}"
+        assert f"::{case}" in said, f"{case} did not fail: {said}"

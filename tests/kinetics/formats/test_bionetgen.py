@@ -107,7 +107,7 @@ def test_the_same_as_the_engine_of_the_format(tmp_path):
 
 def test_what_a_net_file_cannot_say(tmp_path):
     squares = Network.from_reactions({"pair": ({"A": 2}, {"B": 1})}, [2.0], combinations="product")
-    with pytest.raises(ValueError, match="n squared, which it cannot say"):
+    with pytest.raises(ValueError, match="it cannot express `product` combinations"):
         write(Model(squares, [3, 0]), tmp_path / "out.net")
     assert not (tmp_path / "out.net").exists()
     law = Network.from_reactions({"turn": ({"A": 1}, {"B": 1})}, ["2 * A / (3 + A)"])
@@ -162,7 +162,7 @@ end groups
         ("end species\n", "", "'begin reactions', but the block 'species' of line 4"),
         ("begin groups", "begin species", "line 11: the block 'species' comes twice"),
         ("begin groups", "begin rules", "line 11: the block 'rules' is not one of"),
-        ("end groups\n", "", "the block 'groups' of line 11 has no end yet; the file may have been cut short"),
+        ("end groups\n", "", "the block 'groups' of line 11 has no end yet; the file may be truncated"),
         (
             "begin parameters",
             'setConcentration("A()", 3)\nbegin parameters',

@@ -35,7 +35,7 @@ begin groups
 2 H 1,2*2
 end groups
 """
-NOTE = "nothing changes {}: a number, {:g} in the file, and no count"
+NOTE = "nothing changes {}; its value, {:g} in the file, is read as a number, not a count"
 
 
 def fed(**species):
@@ -75,11 +75,11 @@ def test_a_whole_amount_stays_a_species_and_a_scale_makes_others_whole(tmp_path)
 
 def test_what_anything_changes_is_a_count(tmp_path):
     """By a reaction, or an event; a rule gives what is neither."""
-    with pytest.raises(ValueError, match=r"'Xo' starts from 2.5, which is no whole number"):
+    with pytest.raises(ValueError, match=r"'Xo' starts from 2.5, which is not a whole number"):
         fed().read(tmp_path)
     made = fed(boundary=True)
     made.event("refill", "time > 3", Xo="7")
-    with pytest.raises(ValueError, match=r"'Xo' starts from 2.5, which is no whole number"):
+    with pytest.raises(ValueError, match=r"'Xo' starts from 2.5, which is not a whole number"):
         made.read(tmp_path)
     made = fed(boundary=True)
     made.rule("Xo", "S1 / 2")
@@ -108,7 +108,7 @@ def test_fixed_species_of_a_net_file(tmp_path):
     path.write_text(NET, encoding="utf-8")
     model = read(path)
     assert model.network.species == ("A", "B")
-    assert model.notes == (NOTE.format("E", 0.25), NOTE.format("F", 0.5), "G is no sum of counts and is not shown")
+    assert model.notes == (NOTE.format("E", 0.25), NOTE.format("F", 0.5), "G is not a sum of counts and is not shown")
     assert model.observables == {"H": {"A": 1.0, "B": 2.0}}
 
     def expected(a, b, e=0.25, x=0.5):

@@ -88,7 +88,7 @@ def test_a_reversible_reaction_fluctuates(tmp_path):
     model = both_ways()().read(tmp_path)
     assert model.network.is_mass_action
     assert model.network.channels == ("turn", "turn backward")
-    assert model.notes == ("turn runs both ways: k * X  (k = 0.6) forward, p * Y  (p = 0.2) backward",)
+    assert model.notes == ("turn is reversible: k * X  (k = 0.6) forward, p * Y  (p = 0.2) backward",)
     found = solve(model.network, Transient(), model.initial, [50.0])
     assert_allclose(found.mean()[0], [25, 75], rtol=1e-9)
     assert_allclose(found.sd()[0], math.sqrt(100 * 0.25 * 0.75), rtol=1e-9)

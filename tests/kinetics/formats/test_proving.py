@@ -48,7 +48,7 @@ def test_a_faulty_writer_is_caught_and_leaves_nothing(kind, fault, tmp_path, mon
     monkeypatch.setattr(type(kind), "text", lambda *_: right.replace(old, new))
     path = tmp_path / f"m{kind.suffixes[0]}"
     path.write_text("older", encoding="utf-8")
-    with pytest.raises(ValueError, match=f"{re.escape(str(path))} is not written, since .*({named})") as refused:
+    with pytest.raises(ValueError, match=f"{re.escape(str(path))} is not written, because .*({named})") as refused:
         write(model(), path)
     assert path.read_text(encoding="utf-8") == "older"
     assert "rename" in str(refused.value)
@@ -92,7 +92,7 @@ def test_a_faulty_writer_of_a_chain_is_caught(file, old, new, said, tmp_path, mo
     if said is None:  # the control: what says the same passes
         write_explicit(chain(), tmp_path / "m.tra")
         return
-    with pytest.raises(ValueError, match=rf"m\.tra is not written, since .*{said}"):
+    with pytest.raises(ValueError, match=rf"m\.tra is not written, because .*{said}"):
         write_explicit(chain(), tmp_path / "m.tra")
     assert list(tmp_path.iterdir()) == []
 

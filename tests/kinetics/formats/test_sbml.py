@@ -89,8 +89,8 @@ def test_laws_as_they_are_written(tmp_path):
     assert_array_equal(model.initial, [10, 4])
     assert model.observables == {"total": {"A": 2.0, "B": 1.0}}
     assert model.notes == (
-        "the law of wave is not proven to be at least 0; a run in which it is less is refused",
-        "half is no sum of counts and is not shown",
+        "the law of wave is not proven to be at least 0; a run in which it is negative ends with an error",
+        "half is not a sum of counts and is not shown",
     )
     for time, a, b in ((1.0, 10, 4), (1.0, 3, 12), (7.0, 6, 2)):
         half, x = 1.5, a / 2
@@ -313,10 +313,10 @@ def test_predict_shows_observables_and_how_the_file_was_read(tmp_path):
     assert_allclose(data["mean"], [[6, 3, 9]], rtol=1e-9)
     assert_allclose(data["sd"][0][0], math.sqrt(9 * 2 / 9), rtol=1e-9)
     assert data["notes"][:-1] == [
-        "turn runs both ways: X forward, 2 * Y backward",
-        "square is no sum of counts and is not shown",
+        "turn is reversible: X forward, 2 * Y backward",
+        "square is not a sum of counts and is not shown",
         "one unit of the file's amounts is 12 copies",
-        "no whole sums of counts, and not shown: part",
+        "not shown, because they are not sums of counts with whole weights: part",
     ]
     done = run(main, ["predict", "line4", "--rates", "table3", "--cubes", "4", "--copies-per-unit", "2"])
     assert done.exit_code == 2

@@ -332,7 +332,7 @@ REFUSED = {
     "a law that is no difference": (both_ways("k*sin(X - Y)"), "'turn' is reversible, and its law is no difference"),
     "a law both ways, irreversible": (
         both_ways(reversible=False),
-        "'turn' is not reversible, but its law runs both ways",
+        "'turn' is not reversible, but its law has both directions",
     ),
     "a fast reaction": (fast, "'out' is `fast`"),
     "delay in a formula": (lambda: decay(law="k*delay(A, 1)"), "delay.*cannot be written"),

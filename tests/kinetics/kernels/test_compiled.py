@@ -1,12 +1,15 @@
 """The cache of compiled kernels: an edit of any kernel of the room is seen, and old code does not pile up."""
 
+import contextlib
+import importlib
+import multiprocessing
 import os
 import shutil
-import subprocess
 import sys
 import time
 from pathlib import Path
 
+import numba
 import pytest
 
 import kinetics
@@ -35,21 +38,39 @@ def room(tmp_path):
     return folder
 
 
+FORK = multiprocessing.get_context("fork")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _warm():
+    """What Numba makes ready for its first function, once for all forks."""
+    numba.njit(lambda x: x + 1)(0)
+
+
 def begun(room, code=CALL):
-    environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
-    return subprocess.Popen(
-        [sys.executable, "-B", "-c", code],  # edits within a second leave byte code of the same time and size behind
-        cwd=room.parents[1],
-        env=environment | {"PYTHONPATH": str(room.parents[1])},
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    """A process that imports the room anew; as a fork of this one it has Numba already."""
+    process = FORK.Process(target=run_anew, args=(room.parents[1], code, said := room.parents[1] / f"{time.time_ns()}"))
+    process.start()
+    process.said = said
+    return process
+
+
+def run_anew(folder, code, said):
+    for name in [name for name in sys.modules if name.partition(".")[0] == "kinetics"]:
+        del sys.modules[name]
+    numba.config.CACHE_DIR = ""
+    sys.dont_write_bytecode = True  # edits within a second leave byte code of the same time and size behind
+    sys.path.insert(0, str(folder))
+    importlib.invalidate_caches()
+    os.chdir(folder)
+    with said.open("w") as out, contextlib.redirect_stdout(out):
+        exec(code, {"__name__": "__main__"})
 
 
 def output(process):
-    text, _ = process.communicate()
-    assert process.returncode == 0
-    return text.split()
+    process.join()
+    assert process.exitcode == 0
+    return process.said.read_text().split()
 
 
 def edit(file, old, new):
@@ -84,7 +105,7 @@ def test_old_code_does_not_pile_up_and_processes_may_race(room):
     """Several processes at once, and a process with older sources that finds its folder gone."""
     old = begun(room, f"import kinetics.kernels.caller, time\nopen('ready', 'w').close()\n{waiting('go')}\n{CALL}")
     while not (room.parents[1] / "ready").exists():
-        assert old.poll() is None
+        assert old.is_alive()
         time.sleep(0.01)
     for value in range(2, 6):
         edit(room / "callee.py", f"x + {value - 1}\n", f"x + {value}\n")
@@ -106,7 +127,7 @@ def begun_and_edited(room, before_edit):
     """A process that takes its first kernel, goes on once the callee was edited, and prints what it computes."""
     process = begun(room, f"{before_edit}\nimport time\nopen('ready', 'w').close()\n{waiting('go')}\n{CALL}")
     while not (room.parents[1] / "ready").exists():
-        assert process.poll() is None
+        assert process.is_alive()
         time.sleep(0.01)
     edit(room / "callee.py", "x + 1", "x + 10")
     (room.parents[1] / "go").touch()

@@ -30,7 +30,7 @@ def test_rates_and_generators_are_the_same_chain():
         # what cancels in doubles once left no rate at all, and an answer of 0
         (coo_array(([1e16, 1.0, -1e16], ([0] * 3, [1] * 3)), shape=(2, 2)), 0, "from state 0 to state 1 is -1e\\+16"),
         (csr_array(RATES * 1j), 0, "generator holds complex numbers"),
-        (np.minimum(RATES, 1.0) * 1e308, 0, "a state is left at inf 1/tu; at most 1e\\+300 is read"),
+        (np.minimum(RATES, 1.0) * 1e308, 0, "a state has an exit rate of inf 1/tu; the largest allowed is 1e\\+300"),
         (RATES[:2], 0, r"generator has shape \(2, 3\); expected a square"),
         (np.zeros((0, 0)), 0, "generator has no states"),
         ([["a"]], 0, "generator must be numbers"),
@@ -124,7 +124,7 @@ INTEGERS = (int, np.int64, np.uint8, np.array)
 def test_whole_numbers_of_any_type(kind):
     """Python's, numpy's, and arrays without an axis."""
     network, start = line(), {"monomer": 8}
-    assert len(Chain.of(network, start, within=kind(10))) == len(Chain.of(network, start, within=10))
+    assert len(Chain.of(network, start, truncate=kind(10))) == len(Chain.of(network, start, truncate=10))
     assert len(Chain.of(network, start, max_states=kind(100))) == 15
     assert Chain(RATES, kind(1)).initial[1] == 1.0
     path = chain_path(Chain(RATES, 0), 1.0, seed=kind(3), run=kind(2))
@@ -139,7 +139,7 @@ def test_truths_and_fractions_are_no_whole_numbers(number):
     network, start = line(), {"monomer": 8}
     refused = pytest.raises(ValueError, match="expected a whole number of at least 1")
     with refused:
-        Chain.of(network, start, within=number)
+        Chain.of(network, start, truncate=number)
     with refused:
         Chain.of(network, start, max_states=number)
     if number != 0:

@@ -130,7 +130,7 @@ def test_every_chain_has_them_unless_something_else_is_called_so():
     made = Chain.of(Network.from_text("2 A -> B, 1"), {"A": 5})
     assert_array_equal(np.flatnonzero(made.states('"init"')), [0])
     assert_array_equal(made.states('"deadlock"'), made.states("A = 1"))
-    part = Chain.of(line(), {"monomer": 8}, within="trimer = 0")
+    part = Chain.of(line(), {"monomer": 8}, truncate="trimer = 0")
     assert not (part.states("deadlock") & part.truncated).any()  # what lies beyond is not known
     assert_array_equal(Chain([[0, 1.0], [0, 0]], 0, {"deadlock": [True, False]}).states("deadlock"), [True, False])
     named = Chain([[0, 1.0], [0, 0]], 0, variables=("init",), counts=[[3], [4]])

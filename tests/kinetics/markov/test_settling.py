@@ -41,24 +41,24 @@ def answered(questions, model, **more):
     return [found[place] for place in range(len(queries))]
 
 
-@pytest.mark.parametrize("within", [None, "E <= 6", 60])
+@pytest.mark.parametrize("truncate", [None, "E <= 6", 60])
 @pytest.mark.parametrize("question", QUESTIONS)
-def test_the_answer_is_that_of_the_whole_chain(question, within):
+def test_the_answer_is_that_of_the_whole_chain(question, truncate):
     model = Model(Network.from_text(DIMERS), observables=BODIES)
-    whole = observing(Chain.of(model, within=within), model)
+    whole = observing(Chain.of(model, truncate=truncate), model)
     try:
         expected = parse(question).value(whole)
     except ValueError as refusal:
         with pytest.raises(ValueError, match=str(refusal)[:30]):
-            answered([question], model, within=within)
+            answered([question], model, truncate=truncate)
         return
-    ((found, size),) = answered([question], model, within=within)
-    if within is None:
+    ((found, size),) = answered([question], model, truncate=truncate)
+    if truncate is None:
         assert found.value == pytest.approx(expected.value, rel=1e-11)
     assert found.low <= expected.high * (1 + 1e-12)
     assert expected.low <= found.high * (1 + 1e-12)
     assert size <= len(whole)
-    if within is None and ("F " in question or "F<" in question) and '"deadlock"' not in question:
+    if truncate is None and ("F " in question or "F<" in question) and '"deadlock"' not in question:
         assert size < len(whole)
 
 

@@ -103,12 +103,12 @@ def test_derivatives_have_bounds_that_hold():
 
 def test_the_bounds_of_a_truncated_chain_hold_whatever_happens_outside():
     network = Network.from_text("0 <-> A, 2, 0.5")
-    whole = Chain.of(network, {"A": 0}, within="A < 60")
+    whole = Chain.of(network, {"A": 0}, truncate="A < 60")
     for text in ("F[1,3] A = 5", "A < 6 U[1,3] A = 5", "G[1,3] A >= 2", "F[1,3] A >= 9"):
         truth = ask(whole, f"P=? [ {text} ]")
         assert truth.high - truth.low < 1e-9
         for most in (8, 10):
-            found = ask(Chain.of(network, {"A": 0}, within=f"A < {most}"), f"P=? [ {text} ]")
+            found = ask(Chain.of(network, {"A": 0}, truncate=f"A < {most}"), f"P=? [ {text} ]")
             assert found.low <= truth.high
             assert truth.low <= found.high
             assert found.is_bound

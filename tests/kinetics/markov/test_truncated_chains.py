@@ -117,8 +117,8 @@ def test_immigration_and_death():
     net = queue(k, g)
     mean = k / g * (1 - np.exp(-g * time))
     parts = (("Q <= 60", True), (60, True), (lambda states: states[:, 0] <= 60, True), ("Q < 9", False))
-    for within, is_close in parts:
-        chain = Chain.of(net, {"Q": 0}, within=within, rewards={"open": "Q"})
+    for truncate, is_close in parts:
+        chain = Chain.of(net, {"Q": 0}, truncate=truncate, rewards={"open": "Q"})
         many = Reward((np.asarray(chain.counts)[:, 0] >= 5).astype(float), most=1.0)
         chain = replace(chain, rewards={"many": many, "open": "Q"})
         answer = chain.reward("many", at=time)
@@ -140,7 +140,7 @@ def test_immigration_and_death():
 
 
 def test_a_target_at_the_edge_is_reached_and_not_lost():
-    chain = Chain.of(queue(), {"Q": 2}, within="Q <= 4")
+    chain = Chain.of(queue(), {"Q": 2}, truncate="Q <= 4")
     assert len(chain) == 6
     assert "truncated in 1" in repr(chain)
     whole = Chain.of(queue(), {"Q": 2}, stop="Q >= 5")
@@ -159,9 +159,9 @@ def test_a_target_at_the_edge_is_reached_and_not_lost():
         (lambda chain: chain.reward("Q", stationary=True), "a steady state needs"),
         (lambda chain: chain.transient([1.0]), "the distribution needs the whole state space"),
         (lambda chain: chain_path(chain, 1.0), "a run needs the whole state space"),
-        (lambda _: Chain.of(queue(), {"Q": 9}, within="Q < 5"), "starts outside the states"),
-        (lambda _: Chain.of(queue(), {"Q": 9}, within=0), "within = 0"),
-        (lambda _: Chain.of(queue(), {"Q": 0}, within="Q < 500", max_states=100), "over 100 states"),
+        (lambda _: Chain.of(queue(), {"Q": 9}, truncate="Q < 5"), "starts outside the states"),
+        (lambda _: Chain.of(queue(), {"Q": 9}, truncate=0), "truncate = 0"),
+        (lambda _: Chain.of(queue(), {"Q": 0}, truncate="Q < 500", max_states=100), "over 100 states"),
         (
             lambda chain: replace(chain, rewards={"r": Reward(np.ones(len(chain)), most=-1.0)}),
             "most of reward 'r' is -1",
@@ -170,13 +170,13 @@ def test_a_target_at_the_edge_is_reached_and_not_lost():
 )
 def test_what_is_refused(question, message):
     with pytest.raises(ValueError, match=message):
-        question(Chain.of(queue(), {"Q": 2}, within="Q <= 4"))
+        question(Chain.of(queue(), {"Q": 2}, truncate="Q <= 4"))
 
 
 def test_a_run_that_left_may_come_back():
     """Nothing is earned in what is not listed, `most` = 0; but the queue comes back to where it is empty."""
     time, k, g = 20.0, 1.0, 2.0
-    chain = Chain.of(queue(k, g), {"Q": 0}, within="Q <= 1")
+    chain = Chain.of(queue(k, g), {"Q": 0}, truncate="Q <= 1")
     empty = Reward((np.asarray(chain.counts)[:, 0] == 0).astype(float), most=0.0)
     answer = replace(chain, rewards={"empty": empty}).reward("empty", at=time)
     assert answer.low <= np.exp(-k / g * (1 - np.exp(-g * time))) <= answer.high

@@ -1,6 +1,7 @@
 """The kernels in C give the bits of those by Numba: same counts, same chances, same outcomes."""
 
 from functools import partial
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -9,12 +10,12 @@ from known_systems import line
 from numpy.testing import assert_array_equal
 from sampled_networks import ENZYME, MIXED, PRODUCTS, THIRD_ORDER, ring
 
-from kinetics.kernels import direct, elimination, exploration, lockstep, markov, outcomes, residuals
+from kinetics.kernels import direct, elimination, exploration, markov, outcomes, residuals
 from kinetics.kernels import statistics as tallies
 from kinetics.kernels.ensemble_work import BEFORE, EVENTS, RUN, ensemble_work
 from kinetics.markov.transient import reachable
 from kinetics.markov.transient.search import key_multipliers, keys_of
-from kinetics.native import library, twins
+from kinetics.native import library, state_tables, twins
 from kinetics.native.lanes import Lanes
 from kinetics.network import Network
 from kinetics.rates.breaks import break_model
@@ -47,52 +48,48 @@ CASES = {
 }
 
 
-def one_by_one(model, changes, start, grid, out, events_a_call, kernel, *stopping):
+def one_by_one(model, changes, start, grid, out, events_a_call, stopping):
     """Outcome, and where the runs stand: those that cannot go on are left there."""
     work, limits = ensemble_work(start.size), np.array([grid.size, grid.size, 0, 10**6])
-    outcomes_met = []
+    go_on, outcomes_met = twins.direct(model, changes, work, start, grid, stream_key(3), 5, out, stopping), []
     while work.notes[RUN] < len(out):
-        outcome = kernel(model, changes, work, start, grid, stream_key(3), 5, limits, out, events_a_call, *stopping)
+        outcome = go_on(limits, events_a_call)
         if outcome not in (outcomes.REACHED_END, outcomes.UNFINISHED):
             outcomes_met.append((int(work.notes[RUN]), outcome, *work.clock, *work.counts))
             work.notes[RUN], work.notes[EVENTS] = work.notes[RUN] + 1, BEFORE
     return outcomes_met
 
 
-def side_by_side(model, changes, start, grid, out, events_a_call, kernel, *stopping):
+def side_by_side(model, changes, start, grid, out, events_a_call, stopping):
     lanes, limits = Lanes(model, changes), np.array([grid.size, grid.size, 0, 10**6])
     is_odd = np.zeros(len(out), bool)
-    given = lanes if kernel is twins.lockstep else lockstep.LockstepWork(**lanes.arrays)
+    go_on = twins.lockstep(model, changes, lanes, start, grid, stream_key(3), 5, out, is_odd, stopping)
     while True:
-        kernel(model, changes, given, start, grid, stream_key(3), 5, limits, out, is_odd, events_a_call, *stopping)
+        go_on(limits, events_a_call)
         if not lanes.arrays["notes"][0]:
             return is_odd
 
 
-KERNELS = {
-    "direct": (one_by_one, twins.direct, direct.ensemble),
-    "lockstep": (side_by_side, twins.lockstep, lockstep.lockstep),
-}
+KERNELS = {"direct": one_by_one, "lockstep": side_by_side}
 
 
-def ended(make, kernel, net, initial, end, runs, events_a_call=10**6, until=None):
-    """What stopped runs, and counts; and with a condition when it held."""
+def ended(make, in_c, net, initial, end, runs, events_a_call=10**6, until=None):
+    """What stopped runs, and counts; and when a condition held, if there is one."""
     merging, start = Merging.of(net), np.asarray(initial, np.int64)
     out = np.full((runs, 7, start.size), -1, np.int64)
-    changes, grid = net.stoichiometry[merging.leaders], np.linspace(0.0, end, 7)
-    if until is None:
-        return make(merging.model(), changes, start, grid, out, events_a_call, kernel), out
-    stop, reached = stop_at(until, net, start)[0].of_channels(merging.leaders), np.full(runs, np.inf)
-    return make(merging.model(), changes, start, grid, out, events_a_call, kernel, stop, reached), out, reached
+    changes, grid = net.stoichiometry[merging.representatives], np.linspace(0.0, end, 7)
+    stop = None if until is None else stop_at(until, net, start)[0].of_channels(merging.representatives)
+    reached = None if until is None else np.full(runs, np.inf)
+    with patch.object(twins, "is_built", return_value=in_c):
+        return make(merging.model(), changes, start, grid, out, events_a_call, (stop, reached)), out, reached
 
 
 @pytest.mark.parametrize("runs", [1, 20, 150])
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("name", CASES)
 def test_runs_have_the_same_bits(name, kernel, runs):
-    make, in_c, by_numba = KERNELS[kernel]
-    stopped, counts = ended(make, in_c, *CASES[name], runs)
-    other, same = ended(make, by_numba, *CASES[name], runs, events_a_call=777)
+    stopped, counts, _ = ended(KERNELS[kernel], True, *CASES[name], runs)
+    other, same, _ = ended(KERNELS[kernel], False, *CASES[name], runs, events_a_call=777)
     assert_array_equal(stopped, other)
     assert_array_equal(counts, same)
 
@@ -110,22 +107,21 @@ UNTIL = {
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("name", UNTIL)
 def test_runs_that_end_at_a_condition_have_the_same_bits(name, kernel, runs):
-    make, in_c, by_numba = KERNELS[kernel]
-    _, counts, reached = ended(make, in_c, *CASES[name], runs, until=UNTIL[name])
-    _, same, other = ended(make, by_numba, *CASES[name], runs, events_a_call=777, until=UNTIL[name])
+    _, counts, reached = ended(KERNELS[kernel], True, *CASES[name], runs, until=UNTIL[name])
+    _, same, other = ended(KERNELS[kernel], False, *CASES[name], runs, events_a_call=777, until=UNTIL[name])
     assert_array_equal(reached, other)
     assert_array_equal(counts, same)
     assert np.isfinite(reached).any()
 
 
 def test_an_event_that_is_too_much_is_taken_back():
-    for _, kernel in KERNELS["direct"][1:], (0, twins.direct):
-        ((_, outcome, *stands),) = ended(one_by_one, kernel, JUMP, [1, 0], 1e3, 1)[0]
+    for in_c in (True, False):
+        ((_, outcome, *stands),) = ended(one_by_one, in_c, JUMP, [1, 0], 1e3, 1)[0]
         assert (outcome, stands[-3:]) == (outcomes.OVERFLOW, [1, 2**62, 1])
 
 
 def test_the_cases_reach_every_outcome():
-    stopped = [ended(one_by_one, direct.ensemble, *case, 1)[0] for case in [*CASES.values(), (JUMP, [1, 0], 1e3)]]
+    stopped = [ended(one_by_one, False, *case, 1)[0] for case in [*CASES.values(), (JUMP, [1, 0], 1e3)]]
     assert {each[1] for stops in stopped for each in stops} == {outcomes.STALLED_CLOCK, outcomes.OVERFLOW}
     assert any(Merging.of(net).model().terms.size for net, _, _ in CASES.values())
     assert any(Merging.of(net).model().is_general.any() for net, _, _ in CASES.values())
@@ -139,7 +135,7 @@ def run_by(kernel, net, initial, end, model=None):
     outcome, found = outcomes.UNFINISHED, []
     while outcome == outcomes.UNFINISHED and len(found) < 40:
         times, fired = np.empty(50), np.empty(50, np.int64)
-        changes = net.stoichiometry[merging.leaders]
+        changes = net.stoichiometry[merging.representatives]
         outcome, n = kernel(model or merging.model(), changes, counts, clock, end, stream, times, fired)
         found.append((times[:n], fired[:n]))
     return outcome, *map(np.concatenate, zip(*found, strict=True)), counts, clock, stream
@@ -211,24 +207,26 @@ def test_explorations_are_the_same(name, monkeypatch):
     here = reachable(net, start)
     moves = here.transitions()
     keys = keys_of(here.states, key_multipliers(len(net.species)))
-    table = twins.tabulate(keys, keys.size, 2 ** int(np.ceil(np.log2(2 * keys.size))))
+    table = state_tables.tabulate(keys, keys.size, 2 ** int(np.ceil(np.log2(2 * keys.size))))
     assert_array_equal(table, exploration.tabulate(keys, keys.size, table.size))
     asked = np.concatenate([here.states[::3], here.states[:2] + 1000])
     asked_keys = keys_of(asked, key_multipliers(len(net.species)))
     assert_array_equal(
-        twins.find(asked, asked_keys, here.states, keys, table),
+        state_tables.find(asked, asked_keys, (here.states, keys, table)),
         exploration.find(asked, asked_keys, here.states, keys, table),
     )
     half = len(here) // 2
-    for insert in (twins.insert, exploration.insert):
+    for in_c in (True, False):
         room, some_keys = here.states.copy(), keys.copy()
         slots = exploration.tabulate(keys, half, table.size)
         shuffled = np.random.default_rng(1).permutation(len(here))
         rows = np.empty(len(here), np.int64)
-        assert insert(here.states[shuffled], keys[shuffled], room, some_keys, slots, half, rows) == len(here)
+        with patch.object(state_tables, "is_built", return_value=in_c):
+            new, place = (here.states[shuffled], keys[shuffled]), (room, some_keys, slots)
+            assert state_tables.insert(*new, place, half, rows) == len(here)
         assert_array_equal(room[rows], here.states[shuffled])
         assert_array_equal(room[:half], here.states[:half])
-        if insert is twins.insert:
+        if in_c:
             found = room, some_keys, slots, rows
         else:
             for one, other in zip(found, (room, some_keys, slots, rows), strict=True):

@@ -174,7 +174,7 @@ def test_impossible_events_are_refused_with_counts_and_time(event, message):
 
 def test_events_without_end_are_refused():
     ping = [Event("ping", "A >= 3", {"A": 0}), Event("pong", "A < 3", {"A": 3})]
-    with pytest.raises(ValueError, match="has no end: events of this moment set each other off"):
+    with pytest.raises(ValueError, match="has no end: simultaneous events trigger each other"):
         still([*ping, Event("start", "t >= 1", {"A": 3})], [0, 0], [5.0])
 
 

@@ -98,7 +98,7 @@ def test_no_channels():
 
 
 def test_rates_missing():
-    with pytest.raises(ValueError, match="no rate constants yet; give it some"):
+    with pytest.raises(ValueError, match="no rate constants yet; set them"):
         bare_line().propensities([1, 0, 0, 0])
     assert bare_line().with_rates(np.ones(8)).propensities([0, 0, 0, 1])[7] == 1.0
 

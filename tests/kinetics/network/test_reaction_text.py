@@ -120,7 +120,7 @@ WRONG = {
     "nothing": ("-> B, 1", "nothing came where a species before the arrow was expected; nothing is written 0"),
     "setting": ("tme unit: s\nA -> B, 1", r"line 1, .*did you mean time unit\?"),
     "combinations": ("A -> B, 1\ncombinations: order", r"line 2, .*did you mean ordered\?"),
-    "the time": ("t -> B, 1", "'t' means something in formulas; quote it"),
+    "the time": ("t -> B, 1", "'t' is reserved in formulas; quote it"),
     "quote": ("A -> B', 1", "column 7, .*this quote is never closed"),
     "formula": ("A -> B, k * \nk = 1", r"column 12, 'A -> B, k \*': a value is missing"),
     "species twice": ("species: A, A", "column 13, .*species 'A' comes twice"),

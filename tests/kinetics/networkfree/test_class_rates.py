@@ -70,7 +70,7 @@ def test_draws_without_a_file_are_refused():
 
 def test_models_by_species_are_refused():
     known = rates("first-order").replace(breaks=rates("collision").breaks.replace(model="collision-species"))
-    with pytest.raises(ValueError, match="weights partners by species, which books do not share"):
+    with pytest.raises(ValueError, match="weights partners by species, which differ between books"):
         grow(LINE.book, known, 4, 1.0)
     known = rates("collision").replace(breaks=rates("collision").breaks.replace(shape={}))
     with pytest.raises(ValueError, match="has the shape parameters alpha; none came"):

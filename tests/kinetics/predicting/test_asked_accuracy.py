@@ -378,7 +378,7 @@ def test_runs_that_cost_no_more_are_made_as_well():
     assert {n % 8 for n in ends} == {0}
 
 
-@pytest.mark.parametrize("at", ["trying a projection", "listing up to"])
+@pytest.mark.parametrize("at", ["trying a projection", "enumerating up to"])
 def test_ctrl_c_while_a_solution_is_tried_keeps_the_first_runs(at):
     lines = []
 
@@ -428,9 +428,9 @@ def test_an_accuracy_that_nothing_reaches_is_refused(given, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"accuracy": "1%", "method": "ssa"}, "beside an accuracy, which chooses method and runs itself"),
-        ({"accuracy": "1%", "runs": 10}, "beside an accuracy, which chooses method and runs itself"),
-        ({"budget": 3.0}, "no accuracy; a budget limits what an accuracy may cost"),
+        ({"accuracy": "1%", "method": "ssa"}, "together with an accuracy, which chooses method and runs itself"),
+        ({"accuracy": "1%", "runs": 10}, "together with an accuracy, which chooses method and runs itself"),
+        ({"budget": 3.0}, "a budget without an accuracy; a budget limits the cost of an accuracy"),
         ({"accuracy": "1%", "budget": 0.0}, "expected a positive number of seconds"),
     ],
 )
@@ -440,7 +440,7 @@ def test_contradictions_are_refused(options, message):
 
 
 def test_an_accuracy_below_the_last_digit_of_the_counts_is_refused():
-    with pytest.raises(ValueError, match=r"accuracy = 100 copies of counts up to 4.61e\+18, which doubles hold within"):
+    with pytest.raises(ValueError, match=r"accuracy = 100 copies of counts up to 4.61e\+18, which double"):
         predict(DECAY, None, {"A": 2**62}, [1.0], accuracy=100.0)
 
 

@@ -155,7 +155,7 @@ def test_interval_does_not_widen_with_monte_carlo_noise():
     assert np.all(loose.high - loose.low > 3 * (made.high - made.low))
     assert np.all(loose.low < loose.mean)
     assert np.all(loose.mean < loose.high)
-    words = "an interval without width is narrower than 100 runs under a draw of the rates can show"
+    words = "an interval of zero width is narrower than 100 runs for each draw of the rates can resolve"
     assert words in made.notes
     assert words not in loose.notes
 
@@ -171,7 +171,7 @@ def test_channels_without_evidence_are_named():
     rates = measured(20)
     channels = rates.channels | {"4->2+2": ChannelRate(rate=1e-5, ways=1)}
     mixed = rates.replace(channels=channels)
-    assert evidence_notes(mixed) == ("the interval leaves out 4->2+2: taken as known, because without evidence",)
+    assert evidence_notes(mixed) == ("the interval excludes 4->2+2: taken as exact, because without evidence",)
     assert evidence_notes(rates) == ()
 
 

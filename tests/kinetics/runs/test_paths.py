@@ -35,7 +35,7 @@ def test_states_by_replaying_events_one_by_one():
 def test_counts_at_times():
     expected = [[4, 0, 0, 0], [2, 1, 0, 0], [4, 0, 0, 0], [4, 0, 0, 0], [2, 1, 0, 0]]
     assert_array_equal(a_path().at([0.0, 1.0, 2.0, 2.5, 5.0]), expected)
-    with pytest.raises(ValueError, match=r"observed until 5; 5\.1 was asked for"):
+    with pytest.raises(ValueError, match=r"observed until 5; 5\.1 was requested"):
         a_path().at([5.1])
 
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from kinetics import Auto, Direct, Lockstep, simulate, simulate_statistics
 from kinetics.runs import statistics
-from kinetics.runs.statistics import MOST_BINS, Tally, kept_pairs, statistics_of
+from kinetics.runs.statistics import MOST_BINS, Tally, kept_pairs
 from kinetics.sampling import run_source
 from kinetics.sampling.run_source import RunSource
 from kinetics.support import memory
@@ -75,7 +75,7 @@ def test_neither_blocks_nor_threads_matter(monkeypatch):
 
 def test_moments_are_rounded_once():
     counts = simulate(line(), Direct(), START, TIMES, runs=123, seed=5).counts
-    made = statistics_of(line(), TIMES, counts)
+    made = gathered(counts)
     for t in range(3):
         for a in range(4):
             x = counts[:, t, a].tolist()
@@ -282,8 +282,6 @@ def test_bad_questions_of_the_result():
         made.merged(simulate_statistics(line(), Direct(), START, [1.0], runs=10))
     with pytest.raises(ValueError, match="marginal_at"):
         gathered(wide_counts(np.random.default_rng(1), 10)).marginal("dimer")
-    with pytest.raises(ValueError, match="holds -1"):
-        statistics_of(line(), [1.0], [[[1, 2, 3, -1]]])
     with pytest.raises(ValueError, match="there are no statistics"):
         gathered()
     with pytest.raises(ValueError, match="read-only"):

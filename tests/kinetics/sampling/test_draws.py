@@ -7,7 +7,15 @@ import pytest
 from known_systems import line
 
 from kinetics.network import Network
-from kinetics.sampling import Auto, Direct, General, Lockstep, PartialPropensities, exposures_of_draws, simulate_draws
+from kinetics.sampling import (
+    Auto,
+    Direct,
+    General,
+    Lockstep,
+    PartialPropensities,
+    exposures_of_draws,
+    simulate_posterior,
+)
 
 TIMES = np.array([0.0, 100.0, 700.0, 2000.0])
 START = [60, 0, 0, 0]
@@ -30,7 +38,7 @@ def three_of_one_kind():
 @pytest.mark.parametrize("runs", [3, 20])  # lockstep makes few runs one by one
 def test_runs_are_those_of_each_network(method, runs):
     constants = draws_of(4)
-    made = list(simulate_draws(line(), constants, START, TIMES, runs, seed=5, method=method, first_run=7))
+    made = list(simulate_posterior(line(), constants, START, TIMES, runs, seed=5, method=method, first_run=7))
     for d, (counts, drawn) in enumerate(zip(made, constants, strict=True)):
         expected = method.simulate(line().with_rates(drawn), START, TIMES, runs, seed=5, first_run=7 + d * runs)
         np.testing.assert_array_equal(counts, expected.counts)
@@ -39,24 +47,24 @@ def test_runs_are_those_of_each_network(method, runs):
 
 def test_draws_may_come_in_parts_and_in_threads():
     constants = draws_of(40)
-    whole = list(simulate_draws(line(), constants, START, TIMES, 3, seed=5))
-    later = list(simulate_draws(line(), constants[30:], START, TIMES, 3, seed=5, first_run=30 * 3))
-    threads = list(simulate_draws(line(), constants, START, TIMES, 3, seed=5, threads=2))
+    whole = list(simulate_posterior(line(), constants, START, TIMES, 3, seed=5))
+    later = list(simulate_posterior(line(), constants[30:], START, TIMES, 3, seed=5, first_run=30 * 3))
+    threads = list(simulate_posterior(line(), constants, START, TIMES, 3, seed=5, threads=2))
     np.testing.assert_array_equal(whole[30:], later)
     np.testing.assert_array_equal(whole, threads)
-    other = list(simulate_draws(line(), constants, START, TIMES, 3, seed=6))
+    other = list(simulate_posterior(line(), constants, START, TIMES, 3, seed=6))
     assert not np.array_equal(whole, other)
 
 
 def test_only_the_draws_asked_for_are_made():
     """Ctrl-C, or a reader that stops, keeps what was made."""
-    assert len(list(islice(simulate_draws(line(), draws_of(10**5), START, TIMES, 2), 3))) == 3
+    assert len(list(islice(simulate_posterior(line(), draws_of(10**5), START, TIMES, 2), 3))) == 3
 
 
 def test_sums_of_counts():
     weights = np.array([[1, 1], [2, 0], [3, 0], [4, 0]])
-    plain = next(simulate_draws(line(), draws_of(1), START, TIMES, 3))
-    (sums,) = simulate_draws(line(), draws_of(1), START, TIMES, 3, weights=weights)
+    plain = next(simulate_posterior(line(), draws_of(1), START, TIMES, 3))
+    (sums,) = simulate_posterior(line(), draws_of(1), START, TIMES, 3, weights=weights)
     np.testing.assert_array_equal(sums, plain @ weights)
     assert (sums[:, :, 0] == 60).all()
 
@@ -97,14 +105,14 @@ def test_bad_input():
         (np.full((1, 8), -1.0), "at least 0"),
     ):
         with pytest.raises(ValueError, match=message):
-            next(simulate_draws(line(), constants, START, TIMES, 2))
+            next(simulate_posterior(line(), constants, START, TIMES, 2))
     with pytest.raises(ValueError, match="runs = 0"):
-        next(simulate_draws(line(), draws_of(1), START, TIMES, 0))
+        next(simulate_posterior(line(), draws_of(1), START, TIMES, 0))
     with pytest.raises(ValueError, match="times is empty"):
-        next(simulate_draws(line(), draws_of(1), START, [], 1))
+        next(simulate_posterior(line(), draws_of(1), START, [], 1))
     with pytest.raises(ValueError, match="weights has shape"):
-        next(simulate_draws(line(), draws_of(1), START, TIMES, 1, weights=np.ones((3, 1))))
+        next(simulate_posterior(line(), draws_of(1), START, TIMES, 1, weights=np.ones((3, 1))))
     law = Network.from_reactions({"grow": ({}, {"A": 1})}, ["1 + A"])
     with pytest.raises(ValueError, match="mass action"):
         next(exposures_of_draws(law, [[1.0]], [0], 1.0, 1))
-    assert next(simulate_draws(law, [[1.0]], [0], [1.0], 2)).shape == (2, 1, 1)
+    assert next(simulate_posterior(law, [[1.0]], [0], [1.0], 2)).shape == (2, 1, 1)

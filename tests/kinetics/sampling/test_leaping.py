@@ -20,7 +20,7 @@ from kinetics import Auto, Direct, Leaping, Lockstep, Network, Transient, verify
 from kinetics.kernels import leap_plan, leaping
 from kinetics.kernels.leap_limits import LARGEST_COUNT
 from kinetics.kernels.outcomes import REACHED_END
-from kinetics.sampling import simulate_draws, simulate_statistics
+from kinetics.sampling import simulate_posterior, simulate_statistics
 from kinetics.sampling.base import stream_key
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.leap_length import FEWEST_COPIES, events_of_leap
@@ -248,7 +248,7 @@ def test_auto_looks_at_the_counts():
     assert_array_equal(found.counts, chosen.counts)
     assert found.method == "auto (leaping)"
     assert simulate_statistics(by_counts, "auto", many, times, runs=20, seed=3).method == "auto (leaping)"
-    (drawn,) = simulate_draws(by_counts, by_counts.known_rates[None], many, times, 20, 3)
+    (drawn,) = simulate_posterior(by_counts, by_counts.known_rates[None], many, times, 20, 3)
     assert_array_equal(drawn, chosen.counts)
     path = Auto().sample_path(by_counts, many, 2e-6, seed=3, run=7)
     assert path.times.size > 50

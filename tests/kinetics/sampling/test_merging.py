@@ -12,7 +12,7 @@ from sampled_networks import MIXED, PRODUCTS, THIRD_ORDER
 from kinetics import Transient
 from kinetics.network import Network
 from kinetics.rates.breaks import break_model
-from kinetics.sampling import Direct, Lockstep, exposures_of_draws, sample_path, simulate_draws
+from kinetics.sampling import Direct, Lockstep, exposures_of_draws, sample_path, simulate_posterior
 from kinetics.sampling import merging as merging_module
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.lockstep import LockstepSampler
@@ -81,7 +81,7 @@ def members_summed(net, merging, states):
 )
 def test_propensities_are_the_sums_of_the_members(net, n_merged, n_sums):
     merging = Merging.of(net)
-    assert merging.leaders.size == n_merged == NetworkSize.of(net).n_merged
+    assert merging.representatives.size == n_merged == NetworkSize.of(net).n_merged
     assert np.count_nonzero(merging.model().terms[:, 3]) == n_sums
     rng = np.random.default_rng(1)
     states = np.concatenate([rng.integers(0, most, size=(300, len(net.species))) for most in (2, 4, 1000)])
@@ -92,7 +92,7 @@ def test_propensities_are_the_sums_of_the_members(net, n_merged, n_sums):
     assert_allclose(merged_propensities(by_draw, states, net.known_rates), expected, rtol=1e-12)
     for g in range(n_merged):
         mates = merging.members[merging.spans[g] : merging.spans[g + 1]]
-        assert_array_equal(net.stoichiometry[mates], net.stoichiometry[[merging.leaders[g]] * mates.size])
+        assert_array_equal(net.stoichiometry[mates], net.stoichiometry[[merging.representatives[g]] * mates.size])
 
 
 def test_a_weight_that_differs_is_not_shared():
@@ -103,17 +103,17 @@ def test_a_weight_that_differs_is_not_shared():
 
 def test_what_is_large_is_not_looked_through(monkeypatch):
     monkeypatch.setattr(merging_module, "MOST_CHANNELS", len(COLLIDING.channels) - 1)
-    assert Merging.of(COLLIDING).leaders.size == len(COLLIDING.channels)
+    assert Merging.of(COLLIDING).representatives.size == len(COLLIDING.channels)
 
 
-def test_leaders_are_found_once_a_network():
+def test_representatives_are_found_once_a_network():
     other = COLLIDING.with_rates(COLLIDING.rate_constants)
-    assert merging_module.leaders(COLLIDING) is merging_module.leaders(COLLIDING)
-    assert merging_module.leaders(other) is not merging_module.leaders(COLLIDING)
-    assert not merging_module.leaders(COLLIDING).flags.writeable
-    known = len(merging_module._LEADERS)
+    assert merging_module.representatives(COLLIDING) is merging_module.representatives(COLLIDING)
+    assert merging_module.representatives(other) is not merging_module.representatives(COLLIDING)
+    assert not merging_module.representatives(COLLIDING).flags.writeable
+    known = len(merging_module._REPRESENTATIVES)
     del other
-    assert len(merging_module._LEADERS) == known - 1  # and not kept longer than it
+    assert len(merging_module._REPRESENTATIVES) == known - 1  # and not kept longer than it
 
 
 FEW, END, RUNS = [5, 0, 1, 0], 900.0, 4000
@@ -194,7 +194,7 @@ def test_paths_and_exposures_name_the_same_members():
 def test_draws_are_runs_of_the_network_with_their_constants():
     """Powers of two keep rounding the same in whichever order factors are taken."""
     constants = COLLIDING.known_rates * np.array([[1.0], [2.0], [0.5]])
-    made = simulate_draws(COLLIDING, constants, [40, 0, 0, 5], [300.0, 900.0], 20, seed=45, method=Lockstep())
+    made = simulate_posterior(COLLIDING, constants, [40, 0, 0, 5], [300.0, 900.0], 20, seed=45, method=Lockstep())
     for d, counts in enumerate(made):
         alone = Lockstep().simulate(
             COLLIDING.with_rates(constants[d]), [40, 0, 0, 5], [300.0, 900.0], 20, seed=45, first_run=20 * d

@@ -162,5 +162,5 @@ def test_overflow_is_named():
     with pytest.raises(ValueError, match="run 0: a count went beyond"):
         Direct().simulate(growing, [1, 0], [1e3], runs=1)
     steep = network(("A",), {"many": ((30,), (0,))}, [1.0], combinations="product")
-    with pytest.raises(ValueError, match="or a propensity beyond 1e308"):
+    with pytest.raises(ValueError, match="or a propensity exceeded 1e308"):
         sample_path(steep, [10**15], 1.0)

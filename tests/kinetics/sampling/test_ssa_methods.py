@@ -354,5 +354,5 @@ def test_more_like_reactants_than_sampling_takes_are_refused(counted):
     refused = f"channel 'all' needs {2**40} copies of one species; sampling takes at most"
     with pytest.raises(ValueError, match=refused):
         Direct().simulate(net, [5], [1.0], runs=1)
-    with pytest.raises(ValueError, match=f"no exact method takes this network: {refused}"):
+    with pytest.raises(ValueError, match=f"no exact method supports this network: {refused}"):
         sample_path(net, [5], 1.0)

@@ -57,16 +57,16 @@ def test_tables_and_programs_hold_where_the_condition_does(text):
 
 
 def test_only_channels_that_change_what_it_reads_are_watched():
-    assert stop_at("C >= 1", PAIRS, np.zeros(4, int))[0].is_watched.tolist() == [False, False, True]
-    assert stop_at("A * B >= 1", PAIRS, np.zeros(4, int))[0].is_watched.tolist() == [True, True, False]
+    assert stop_at("C >= 1", PAIRS, np.zeros(4, int))[0].affects_stop.tolist() == [False, False, True]
+    assert stop_at("A * B >= 1", PAIRS, np.zeros(4, int))[0].affects_stop.tolist() == [True, True, False]
     with pytest.raises(ValueError, match="unknown name 'half'"):  # no whole sum
         stop_at(Condition("half >= 1", MODEL), PAIRS, np.zeros(4, int))
 
 
 def test_a_truncated_run_is_censored_where_it_was_and_others_go_on():
     growth = Network.from_text("A -> 2 A, 1\nA -> 0, 0.9\nB -> C, 0.3")
-    found = Direct().simulate(growth, {"A": 50, "B": 1}, 100.0, runs=30, seed=4, max_events=1000, until="C >= 1")
-    whole = Direct().simulate(growth, {"A": 50, "B": 1}, 100.0, runs=30, seed=4, until="C >= 1")
+    found = Direct().first_times(growth, {"A": 50, "B": 1}, "C >= 1", 100.0, runs=30, seed=4, max_events=1000)
+    whole = Direct().first_times(growth, {"A": 50, "B": 1}, "C >= 1", 100.0, runs=30, seed=4)
     cut = ~found.is_reached
     assert 0 < cut.sum() < 30
     np.testing.assert_array_equal(found.times[~cut], whole.times[~cut])
@@ -75,6 +75,6 @@ def test_a_truncated_run_is_censored_where_it_was_and_others_go_on():
     with pytest.raises(ValueError, match="runs were observed from 0 to"):
         found.reached_by(100.0)
     with pytest.raises(TruncatedRunsError):  # without a horizon the other runs would never tell
-        Direct().simulate(growth, {"A": 50, "B": 1}, np.inf, runs=30, seed=4, max_events=1000, until="C >= 1")
+        Direct().first_times(growth, {"A": 50, "B": 1}, "C >= 1", runs=30, seed=4, max_events=1000)
     with pytest.raises(TruncatedRunsError):
         Direct().sample_path(growth, {"A": 50, "B": 1}, 1e9, max_events=10, until="C >= 2")

@@ -176,7 +176,7 @@ def test_stalled_clock_and_overflow_are_named():
     growing = Network.from_reactions({"jump": ({"A": 1}, {"A": 1, "B": 2**62})}, ["A * (2 + sin(t))"])
     with pytest.raises(ValueError, match="run 0: a count went beyond"):
         General().simulate(growing, [1, 0], [1e3], runs=2)
-    with pytest.raises(ValueError, match="or a propensity beyond 1e308"):
+    with pytest.raises(ValueError, match="or a propensity exceeded 1e308"):
         General().simulate(Network.from_reactions(DECAY, [1e300]), [10**15], [1.0], runs=2)
 
 

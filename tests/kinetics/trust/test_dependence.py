@@ -19,7 +19,10 @@ RUNS = 4000
 TWICE, HALVES, FIRST_TIME, ALIKE, NEXT_SEED = MUTANTS
 
 
-@pytest.fixture(scope="module", params=FEW, ids=[case[0] for case in FEW])
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(case, id=case[0], marks=[pytest.mark.validate] * (i < 2)) for i, case in enumerate(FEW)],
+)
 def sample(request):
     """Right runs of a network, without their paths: what is seen is seen in counts alone."""
     _, net, initial, times = request.param
@@ -46,7 +49,7 @@ def test_right_runs_pass(sample):
     ids=lambda given: getattr(given, "name", given),
 )
 def test_runs_that_depend_on_each_other_are_seen(sample, mutant, check):
-    """At 4,000 runs, on every one of six networks."""
+    """At 4,000 runs, on every one of six networks; two of them with --validate."""
     assert check in seen_by(mutant.applied(sample))
 
 
@@ -90,7 +93,7 @@ def last_exchanged(counts, of_ten=3):
     ids=["every tenth run again", "1 % of the runs again, anywhere", "pairs that begin alike", "30 % continue another"],
 )
 def test_dependence_of_some_runs_is_seen(sample, change, check):
-    """At 4,000 runs, on every one of six networks."""
+    """At 4,000 runs, on every one of six networks; two of them with --validate."""
     assert check in seen_by(changed(sample, change))
 
 

@@ -69,5 +69,5 @@ def test_refusals_and_estimates_are_said():
         assert found.failures == ()
         assert {pair.is_bound for pair in found.pairs} == {is_bound}
         assert ("(estimate)" in str(found)) != is_bound
-    with pytest.raises(ValueError, match="no solver takes the network"):
+    with pytest.raises(ValueError, match="no solver supports the network"):
         compare_solvers(net, [0], [1.0], [Transient(max_states=100)])

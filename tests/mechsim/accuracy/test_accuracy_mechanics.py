@@ -260,7 +260,7 @@ def test_a_budget_ends_the_rounds_and_the_next_call_goes_on(tmp_path, scene_of, 
         measure(scene, store, **settings, rounds=3, budget=steps / 2)
     first = measure(scene, store, **settings, rounds=3, budget=steps + 1, tell=told.append)
     assert first.runs == 1
-    assert "the same call again goes on" in told[-1]
+    assert "the same call again continues" in told[-1]
     second = measure(scene, store, **settings, rounds=2, budget=steps + 1)
     assert second.runs == 2
 

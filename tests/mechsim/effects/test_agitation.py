@@ -209,8 +209,8 @@ def test_64_sub_cubes_in_independent_fluid_average_it_out(make_world, scene_of):
 @pytest.mark.parametrize(
     ("effects", "said"),
     [
-        (("agitation", SMOOTH, "drag"), "'agitation' and 'ornstein-uhlenbeck' contradict each other"),
-        ((FIELD, SMOOTH, "drag"), "'random-field' and 'ornstein-uhlenbeck' contradict each other"),
+        (("agitation", SMOOTH, "drag"), "'agitation' and 'ornstein-uhlenbeck' conflict"),
+        ((FIELD, SMOOTH, "drag"), "'random-field' and 'ornstein-uhlenbeck' conflict"),
         ((SMOOTH,), "effect 'ornstein-uhlenbeck' needs effect 'drag'"),
         ((FIELD,), "effect 'random-field' needs effect 'drag'"),
         ((SMOOTH | {"correlation_time": 0.005}, "drag"), "shorter than the step of 0.00525"),

@@ -153,7 +153,7 @@ def test_shear_has_its_still_place_and_follows_cubes_that_stand_askew(make_world
         ((STREAM,), "effect 'current' needs effect 'drag'"),
         ((SHEAR,), "effect 'shear' needs effect 'drag'"),
         ((STREAM, STREAM, "drag"), "effect 'current' is listed twice"),
-        ((CALM, SMOOTH, STREAM, "drag"), "'agitation' and 'ornstein-uhlenbeck' contradict each other"),
+        ((CALM, SMOOTH, STREAM, "drag"), "'agitation' and 'ornstein-uhlenbeck' conflict"),
         ((STREAM | {"velocity": [1.0, 0.0]}, "drag"), "velocity"),
         ((STREAM | {"velocity": [1.0, 0.0, float("nan")]}, "drag"), "finite"),
         (({"effect": "current"}, "drag"), "velocity"),

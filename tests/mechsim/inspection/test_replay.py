@@ -92,14 +92,14 @@ def test_another_outcome_is_told(stopped, tmp_path):
     assert not replay(file).is_same
     said = CliRunner().invoke(command, [str(file)])
     assert said.exit_code == 4
-    assert "NOT the same" in said.output
+    assert "NOT identical" in said.output
 
 
 def test_what_cannot_be_replayed_is_refused(stopped, tmp_path, monkeypatch):
     _, file = stopped
     cut = tmp_path / "cut.run"
     cut.write_bytes(file.read_bytes()[:-1])
-    with pytest.raises(ValueError, match=r"cut\.run is not a sound run file"):
+    with pytest.raises(ValueError, match=r"cut\.run is not a valid run file"):
         replay(cut)
     with pytest.raises(ValueError, match="last = 0; expected 1 step or more"):
         replay(file, last=0)
@@ -132,5 +132,5 @@ def test_the_command(stopped, tmp_path):
         assert arrays["centres"].shape == (6, 16, 3)
         assert arrays["speed"].shape == (6, 16)
     text = CliRunner().invoke(command, [str(file)], catch_exceptions=False)
-    assert "the same, bit for bit" in text.output
+    assert "identical, bit for bit" in text.output
     assert CliRunner().invoke(command, [str(file), "--poses", "end.txt"]).exit_code != 0

@@ -206,7 +206,7 @@ def test_a_scheduler_that_goes_away(tmp_path, by_hand):
 
     killer = threading.Thread(target=kill)
     killer.start()
-    with pytest.raises(OSError, match=f"the scheduler at {dask.address} is gone, or .* what was finished is kept"):
+    with pytest.raises(OSError, match=f"the scheduler at {dask.address} is gone, or .* finished runs are kept"):
         run_all([*quick, *slow], store, workers=dask, execute=execute)
     killer.join()
     assert store.digest(quick) == digest_of(map(record_of, quick))

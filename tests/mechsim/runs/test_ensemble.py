@@ -293,7 +293,7 @@ def test_a_script_without_a_main_guard_is_told_so(tmp_path, n):
         [sys.executable, script], env=os.environ | {"PYTHONPATH": paths}, capture_output=True, text=True, check=False
     )
     assert done.returncode == 1
-    assert "workers cannot start; put what starts workers in a script under `if __name__ ==" in done.stderr
+    assert "workers cannot start; in a script, start workers under `if __name__ ==" in done.stderr
     assert "bootstrapping" not in done.stderr  # multiprocessing's own words
     assert not list((tmp_path / "runs" / "quarantine").iterdir())
 

@@ -103,7 +103,10 @@ def test_other_commands_share_their_runs_out_alike(tmp_path, command):
     [
         (["--shard", "9/8"], "shard 9/8; expected K/N with K from 1 to N, as in 3/8"),
         (["--shard", "1/2", "--cost-profile"], "--cost-profile makes no runs: leave out --shard and --missing"),
-        (["--workers", 2, "--scheduler", "tcp://127.0.0.1:1"], "--workers and --scheduler both say who makes the runs"),
+        (
+            ["--workers", 2, "--scheduler", "tcp://127.0.0.1:1"],
+            "--workers and --scheduler both say what makes the runs",
+        ),
         (["--timeout", 0], "0.0 is not in the range x>0"),
         (["--timeout", "nan"], "timeout = nan; expected seconds above 0, or none"),
         (["--scheduler", "tcp://127.0.0.1:1"], "no Dask scheduler answers at 'tcp://127.0.0.1:1': "),

@@ -34,7 +34,7 @@ def test_the_command_tells_the_cost_first_and_goes_on_where_it_was(tmp_path):
     assert "1 runs to make: about" in again.err
     told = again.json
     assert [(row["number"], row["runs"], row["censored"]) for row in told["points"]] == [(8, 1, 1), (12, 1, 1)]
-    assert "0 of 2 first times were seen before the cap" in told["why"]
+    assert "0 of 2 first times were observed before the cap" in told["why"]
     assert len(list((tmp_path / "runs").glob("*.run"))) == 2
     assert (tmp_path / "out" / "own.svg").exists()
 

@@ -48,8 +48,8 @@ def test_what_cannot_be_tested_says_why():
     found = diagnose([run])
     reasons = {each.title: each.reason for each in found.results if each.p_value is None}
     assert reasons["4->2+2: runs"] == "it was closed or had no reactants in any run"
-    assert reasons["1+1->2: runs"] == "one run alone could fire it"
-    assert reasons["1+1->2: start"] == "one initial composition alone could fire it"
+    assert reasons["1+1->2: runs"] == "only one run could fire it"
+    assert reasons["1+1->2: start"] == "only one initial composition could fire it"
     assert reasons["1+1->2: size"] == "all runs that could fire it hold 38 cubes"
     assert "restarted" in reasons["all breaks: rebinding within 2 tu"]
     assert len(found.tested) + len(reasons) == len(found.results)

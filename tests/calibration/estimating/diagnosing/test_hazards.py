@@ -13,6 +13,7 @@ from kinetics.rates import BreakTerms, Rates
 from kinetics.rates.breaks import BREAK_MODELS, base_channel, break_model
 from kinetics.runs import JumpPath
 from kinetics.sampling import sample_path
+from tests.helpers.expanded_paths import on_base
 
 SMALL, LARGE = Tank((2.0, 2.0, 3.0)), Tank((2.0, 2.0, 6.0))
 BREAKS = slice(4, 8)
@@ -35,7 +36,7 @@ def run_under(rates, copies, tank, seed):
     """A run of the chain with these rates, which does not tell who broke what."""
     network = line_network()
     path = sample_path(rates.apply(network, tank), [copies, 0, 0, 0], 40.0, seed=seed)
-    base = rates.expansion(network).on_base(path)
+    base = on_base(rates.expansion(network), path)
     return JumpPath(network, base.initial, base.times, base.channels, base.end, tank=tank)
 
 

@@ -34,9 +34,9 @@ def test_shipped_books_are_correct():
     assert kinds(report) == []
     assert str(report) == (
         "book 'line4': 4 structures, 8 joins and breaks; 0 errors, 0 warnings\n"
-        "coming home: proven for any number of cubes: every other structure can fall apart into free cubes, which make "
-        "the target\n"
-        "slow internal waves: left out"
+        "recoverability: proven for any number of cubes: every other structure can fall apart into free cubes, which "
+        "make the target\n"
+        "delayed state updates: left out"
     )
 
 
@@ -44,7 +44,7 @@ def test_slow_waves_spoil_the_line():
     """A quadmer whose middle has not yet followed offers the end of a trimer: a line of five."""
     report = check(LINE4)
     assert report.is_correct  # a warning: it takes waves slower than collisions
-    finding = only(report, "slow internal waves: off-target")
+    finding = only(report, "delayed state updates: off-target")
     assert finding.structure.letters == tuple("bdcdb")
     assert len(finding.steps) == 4
 
@@ -234,11 +234,11 @@ def test_command():
     ran = CliRunner().invoke(main, ["rules", "check", "t5", "--json"])
     assert ran.exit_code == 0
     said = json.loads(ran.output)
-    home = said.pop("coming_home")
-    assert said.pop("slow_waves") == "none, as there are no internal rules"
+    home = said.pop("recoverability")
+    assert said.pop("delayed_updates") == "none, as there are no internal rules"
     assert said == {"book": "t5", "correct": True, "structures": 9, "events": 25, "findings": []}
     assert (home["proven"], home["searched"]) == ("any tank", [])
-    ran = CliRunner().invoke(main, ["rules", "check", "line4_as_printed", "--no-slow-waves"])
+    ran = CliRunner().invoke(main, ["rules", "check", "line4_as_printed", "--no-delayed-updates"])
     assert ran.exit_code == 1
     assert "error: off-target: 3 of 20 structures are no part of the target" in ran.output
 

@@ -47,7 +47,7 @@ def test_a_plate_with_two_face_types():
     assert len(made.book.target) == 9
     assert any("every event of the book explored" in sentence for sentence in made.verified)
     assert "0 cubes a growth come in between" in made.verified[-2]
-    assert made.verified[-1].startswith("slow internal waves: left out") == bool(made.book.internal)
+    assert made.verified[-1].startswith("delayed state updates: left out") == bool(made.book.internal)
     assert any(sentence.startswith("order: ") for sentence in made.verified)
     assert quick(target(PLATE, senses=COOP)).book.fingerprint == made.book.fingerprint
 

@@ -206,7 +206,7 @@ def test_interruption_keeps_what_was_found():
 
 def test_species_are_found_in_any_pose(line4):
     trimer = Structure(((5, 5, 5), (6, 5, 5), (4, 5, 5)), (0, 0, 0), ("c", "b", "b"))
-    with pytest.raises(KeyError, match="none of the 4 species of book 'line4'"):
+    with pytest.raises(KeyError, match="not among the 4 species of book 'line4'"):
         line4.species_of(trimer)  # side by side instead of end to end
     for rotation in range(24):
         for index, structure in enumerate(line4.structures.values()):

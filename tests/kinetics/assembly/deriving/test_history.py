@@ -90,7 +90,7 @@ def test_parts_are_found_in_the_whole():
 def test_wrong_input():
     with pytest.raises(ValueError, match="has no seed to grow from"):
         random_growth(T5, 1)
-    with pytest.raises(ValueError, match="names no target"):
+    with pytest.raises(ValueError, match="has no target"):
         chain(derive(replace(T5, target=None)))
     with pytest.raises(ValueError, match="never make its target"):
         chain(derive(RuleBook.load("t5_as_printed")))

@@ -141,7 +141,7 @@ def test_what_an_exploration_left_out_is_told():
     book = replace(LINE4, semantics=Semantics(gate="any"))
     for derivation in (derive(book, max_cubes=5, partial=True), derive(book, max_cubes=5, max_species=4, partial=True)):
         texts = [words.text for words in derivation.drawing().words]
-        assert "not all there are: the exploration met its caps or was stopped" in texts
+        assert "incomplete: the exploration reached its limits or was interrupted" in texts
 
 
 def test_counterexamples_are_drawn_step_by_step():

@@ -208,7 +208,7 @@ def test_chains_too_large_to_eliminate(monkeypatch):
     sparse = first_passage(line(), [30, 0, 0, 0], "quadmer", 2)
     assert_allclose([sparse.mean, sparse.sd], [narrow.mean, narrow.sd], rtol=sparse.error + narrow.error)
     assert sparse.error < 1e-9
-    with pytest.raises(ValueError, match="too remote: with 60 states on the way, too many to eliminate"):
+    with pytest.raises(ValueError, match="too remote: with 60 transient states, too many to eliminate"):
         first_passage(walk(60), np.eye(1, 61, dtype=int)[0], "place60")
 
 

@@ -143,7 +143,7 @@ def test_none_found_is_not_never():
 @pytest.mark.parametrize(
     ("level", "threshold", "message"),
     [
-        (copies, 11, "no way to the event: the pilot came to level 10 and no further"),
+        (copies, 11, "the event was not reached: the pilot runs got to level 10"),
         (lambda states: states, 5, r"level gives shape \(1, 2\) for one state"),
     ],
 )

@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 
-import pytest
 from scratch import add_line, run_contract, scratch_copy
 
 MEMBER = '''"""Krylov-like action of the matrix exponential by scipy."""
@@ -56,18 +55,13 @@ def run(folder, text, chosen):
     (copy / "kinetics/markov/transient/action.py").write_text(text, encoding="utf-8")
     methods = copy / "kinetics/markov/transient/methods.py"
     add_line(methods, "import FiniteStateProjection", "from kinetics.markov.transient.action import ExponentialAction")
-    return run_contract(copy, "test_solving.py", "-k", chosen, "-W", "ignore:overflow encountered:RuntimeWarning")
-
-
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch):
-    """Kernels as plain Python: quicker than to compile them in the copy."""
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    overflow = ("-W", "ignore:overflow encountered:RuntimeWarning")
+    return run_contract(copy, "test_solving.py", "-k", chosen, *overflow, plain=True)
 
 
 def test_a_method_is_added_by_one_file_and_its_line(tmp_path):
-    done = run(tmp_path, MEMBER, "newmember or differ")
-    assert done.returncode == 0, done.stdout
+    code, said = run(tmp_path, MEMBER, "newmember or differ")
+    assert code == 0, said
     asked = "from kinetics.predicting.methods import names; from kinetics.trust.accuracy.curves import CURVES; "
     asked += "assert 'newmember' in names(); assert 'newmember' in [curve.name for curve in CURVES]"
     subprocess.run([sys.executable, "-c", asked], cwd=tmp_path, env=os.environ | {"PYTHONPATH": "."}, check=True)
@@ -76,6 +70,6 @@ def test_a_method_is_added_by_one_file_and_its_line(tmp_path):
 def test_a_method_that_claims_no_error_fails_the_contract(tmp_path):
     right = "error = 4.0 * gap + 1e-13 * (1.0 + events)"
     assert right in MEMBER
-    done = run(tmp_path, MEMBER.replace(right, "error = 1e-300"), "newmember and digits")
-    assert done.returncode == 1
-    assert "test_the_error_covers_the_distance_from_a_hundred_digits[newmember-" in done.stdout
+    code, said = run(tmp_path, MEMBER.replace(right, "error = 1e-300"), "newmember and digits")
+    assert code == 1
+    assert "test_the_error_covers_the_distance_from_a_hundred_digits[newmember-" in said

@@ -167,7 +167,7 @@ def test_a_chain_in_circles_takes_many_steps_and_is_ended_when_it_takes_too_long
         exact = [float(mpmath.fsum(turns[i::n])) for i in range(n)]
     assert abs(p[0] - exact).sum() <= error + 1e-15
     foretold = CollocationPlan.of(generator_of(ring, n), t, 1e-12, 1e4)
-    with pytest.raises(ValueError, match=r"far shorter than forecast, as in a chain that turns in circles"):
+    with pytest.raises(ValueError, match=r"far shorter than forecast, as in a chain that oscillates"):
         integrate(ring, np.eye(1, n)[0], np.array([t]), foretold, 1e-12, 0.1 * foretold.seconds)
 
 

@@ -120,7 +120,7 @@ def test_a_place_is_shared_with_its_leader_only():
     made = ranking.Ranking(candidates, "yield", 2, 1, 1.0, 100, 0, 0, 0)
     assert made.places == (1, 1, 3)
     assert [made.ties_of(name) for name in "xyz"] == [("y",), ("x", "z"), ("y",)]
-    assert "z is not told apart from y either" in made.table()
+    assert "z cannot be distinguished from y either" in made.table()
     with pytest.raises(ValueError, match="unknown book 'w'; ranked are x, y, z"):
         made.ties_of("w")
 
@@ -138,7 +138,7 @@ def test_draws_follow_the_posterior_of_the_rates():
         assert_follows_cdf(drawn, gamma(20.5, scale=0.08).cdf)
     low, high = made.books[0].from_rates("first")
     assert low < 1 / 8 < high
-    assert made.notes == ("the rates' intervals leave out break: taken as known, because without evidence",)
+    assert made.notes == ("the rates' intervals exclude break: taken as exact, because without evidence",)
 
 
 def test_shared_draws_tell_books_apart_that_their_intervals_do_not():
@@ -157,7 +157,7 @@ def test_draws_of_rates_without_evidence_are_not_made():
     made = rank([PAIRS], TABLE3, cubes=8, draws=50)
     assert made.draws == 0
     assert made.books[0].from_rates("yield") is None
-    assert "taken as known" in made.notes[0]
+    assert "taken as exact" in made.notes[0]
 
 
 # --- around it ---
@@ -197,7 +197,7 @@ def test_plot_shows_each_book_with_its_interval():
         ([], {}, "no books"),
         ([LINE4, T5], {}, "make different targets"),
         ([LINE4, LINE4], {}, "two books are called 'line4'"),
-        ([LINE4, replace(PAIRS, target=None)], {}, "names no target"),
+        ([LINE4, replace(PAIRS, target=None)], {}, "has no target"),
         ([RuleBook.load("t5_as_printed")], {}, r"only correct books are ranked; .* \(target not reached\)"),
         ([RuleBook.load("line4_as_printed")], {}, "only correct books are ranked"),
         ([LINE4, replace(PAIRS, letters=("a", "b", "d", "s"), seed_letter="s")], {}, "from a seed"),

@@ -57,5 +57,5 @@ def test_no_folder_keeps_nothing(tmp_path):
     kept.add("one", [ANSWER])
     assert kept.get("one") is None
     (tmp_path / "file").touch()
-    with pytest.raises(ValueError, match="is a file; a folder for the points of scans was expected"):
+    with pytest.raises(ValueError, match="is a file; expected a folder for the points of scans"):
         Checkpoints(tmp_path / "file", ASKED)

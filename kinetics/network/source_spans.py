@@ -25,7 +25,7 @@ class Mark(NamedTuple):
     end: int
 
 
-class Piece(NamedTuple):
+class SourceSpan(NamedTuple):
     """A part of a line.
 
     number : of the line, from 1
@@ -37,13 +37,13 @@ class Piece(NamedTuple):
     start: int
     text: str
 
-    def part(self, begin: int, end: int | None = None) -> Piece:
+    def part(self, begin: int, end: int | None = None) -> SourceSpan:
         """What stands between two places of it, without the blanks about that."""
         text = self.text[begin:end]
         blanks = len(text) - len(text.lstrip())
         return self._replace(start=self.start + begin + blanks, text=text.strip())
 
-    def divided(self) -> tuple[Piece, list[Mark]]:
+    def divided(self) -> tuple[SourceSpan, list[Mark]]:
         """It without its comment, and its marks."""
         marks: list[Mark] = []
         depth = 0
@@ -58,12 +58,12 @@ class Piece(NamedTuple):
                 marks.append(Mark(sign, *found.span()))
         return self, marks
 
-    def between(self, marks: Sequence[Mark]) -> list[Piece]:
+    def between(self, marks: Sequence[Mark]) -> list[SourceSpan]:
         """The parts that marks divide."""
         begins, ends = [0, *(mark.end for mark in marks)], [*(mark.start for mark in marks), len(self.text)]
         return [self.part(begin, end) for begin, end in zip(begins, ends, strict=True)]
 
-    def told(self, act: Callable[[], T]) -> T:
+    def located(self, act: Callable[[], T]) -> T:
         """What is done with it; an error says where."""
         try:
             return act()

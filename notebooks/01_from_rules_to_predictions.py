@@ -12,14 +12,14 @@
 # ---
 
 # %% [markdown]
-# # The loop: from rules to a trusted prediction
+# # From rules to a checked prediction
 #
-# Sixty cubes drift in an agitated tank. When two of them meet, face to face, they may stick together; what may
-# stick to what is written in a *rule book*. We want to know how the assembly of lines of four proceeds: how
-# many of them after so long, and when comes the first one.
+# Sixty cubes drift in an agitated tank. When two of them meet face to face, they may bond; a *rule book* says which
+# faces may bond. We want to know how lines of four assemble: how many there are at a given time, and when the first one
+# forms.
 #
-# Rigid-body mechanics answers that, slowly. The loop of this notebook answers it quickly, and says how far to
-# trust it:
+# Rigid-body mechanics answers this, slowly. The four steps of this notebook answer it quickly, and show how far to
+# trust the answer:
 #
 # 1. **rules** → a reaction network, derived by trying every contact;
 # 2. **rates** → measured in short mechanics runs at 60 and 120 cubes, with intervals, under the break model that
@@ -27,12 +27,12 @@
 # 3. **predictions** → at any number of cubes, as a continuous-time Markov chain;
 # 4. **check** → against whole assemblies that the rates never saw, at other numbers of cubes and in another tank.
 #
-# The mechanics runs were made beforehand, by a plan that was written before the first of them. Plan and runs are
-# stored in `results/line4`, whose `README.md` gives the commands. Lengths and times are in the paper's units (tu);
-# the density of fluid and cubes is 1.
+# The mechanics runs are stored, with the plan that was written before the first of them, in `results/line4`, whose
+# `README.md` gives the commands. Lengths and times are in the paper's units (tu); the density of fluid and cubes is 1.
 
 # %%
 import json
+from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
 
@@ -58,9 +58,9 @@ sizes = (60, 80, 120)
 # %% [markdown]
 # ## 1. Rules give a network
 #
-# A cube carries a letter, its state. A rule says which letters may bond at which kind of face, and what the
-# letters become. No reaction is written down anywhere: `derive` puts every pair of structures together in every
-# way the lattice has, asks the rule book, and does the same for every bond that could break.
+# A cube has a state, called its letter. A rule says which letters may bond at which kind of face, and what the letters
+# become. No reaction is written down anywhere: `derive` puts every pair of structures together in every way that the
+# lattice allows and asks the rule book; it does the same for every bond that could break.
 
 # %%
 book = RuleBook.load("line4")
@@ -69,17 +69,16 @@ network = derivation.network
 network
 
 # %% [markdown]
-# $N$ is the number of ways in which one pair of reactants can dock, or in which one structure can break,
-# counted from geometry. The propensity of a channel is $k \cdot N \cdot h$: a rate constant $k$ that only the
-# mechanics can tell, the ways $N$, and the number $h$ of combinations of reactants, $s(s-1)/2$ for pairs of one
-# kind.
+# The multiplicity $N$ is the number of ways in which one pair of reactants can dock, or in which one structure can
+# break, counted from geometry. The propensity of a channel is $k \cdot N \cdot h$: the rate constant $k$, which only
+# the mechanics can give, the multiplicity $N$, and the number $h$ of combinations of reactants, $s(s-1)/2$ for pairs of
+# one kind.
 
 # %% [markdown]
 # ## 2. Mechanics gives the rates
 #
-# This is the tank: cubes driven by a fluctuating fluid, slowed by drag, colliding with each other and the
-# walls. What the scene does not list is not simulated. The picture shows 60 cubes after 30 tu, computed now (in a
-# second or two).
+# This is the tank: cubes driven by a fluctuating fluid, slowed by drag, colliding with each other and the walls. Only
+# what the scene lists is simulated. The picture shows 60 cubes after 30 tu, computed now (in a second or two).
 
 # %%
 scene = Scene.load("line4")
@@ -91,9 +90,8 @@ figure, ax = plt.subplots(figsize=(7.5, 6))
 _ = draw_tank(beginning, ax)
 
 # %% [markdown]
-# The stored calibration watched such tanks in the states that an assembly passes through, at 60 and at 120 cubes.
-# Stored runs are read as they are: each file says with which inputs and versions it was made, and is refused when it
-# is damaged.
+# The stored calibration runs start from the states that an assembly passes through, at 60 and at 120 cubes. Stored runs
+# are read as they are: each file records the inputs and versions with which it was made, and damaged files are refused.
 
 # %%
 folder = results / "runs"
@@ -110,7 +108,7 @@ pd.DataFrame(
 )
 
 # %% [markdown]
-# A rate is the number of events over the *exposure*, the time integral of $N \cdot h$; its 95 % limits are exact
+# A rate is the number of events divided by the *exposure*, the time integral of $N \cdot h$; its 95 % interval is exact
 # for a Poisson count.
 
 # %%
@@ -123,17 +121,17 @@ figure, ax = plt.subplots(figsize=(7.5, 4.2))
 _ = calibration.plot(ax, references={"paper, Table III": Rates.load("table3")})
 
 # %% [markdown]
-# Beside them the paper's Table III, as points, since it gives no intervals. One capture probability and one
-# breaking threshold stand behind all eight of our rates, and both were chosen with the paper's rates in sight; so
-# neither the pace of the first join nor that of the breaks is a test of the paper. From now on only our own rates
-# count: does the chain with *these* rates describe *this* mechanics?
+# The points are the paper's Table III, which gives no intervals. One latching probability and one breaking threshold
+# determine all eight of our rates, and both were chosen with the paper's rates in view; so neither the rate of the
+# first join nor those of the breaks test the paper. From here on only our own rates are used: does the chain with
+# *these* rates describe *this* mechanics?
 #
-# ### Who breaks a bond?
+# ### What breaks a bond?
 #
-# In the paper a structure breaks by itself, at a rate of its own (`first-order`). But a bond breaks in a collision, and
-# the runs can tell: with other bodies (`collision`), whose weight grows as their size to the power of alpha, and with
-# the walls (`collision-wall`), or with a free weight for each species. The runs choose: by the likelihood of all
-# breaks first, then by who broke what, which the runs record.
+# In the paper a structure breaks by itself, at a rate of its own (`first-order`). In the mechanics a bond breaks in a
+# collision: with other bodies (`collision`), weighted by their size to the power of alpha, also with the walls
+# (`collision-wall`), or with a free weight for each species (`collision-species`). The runs choose the model, first by
+# the likelihood of all breaks, then by the recorded partners.
 
 # %%
 models = BreakComparison.asked_for("auto", paths)
@@ -141,7 +139,7 @@ compared = pd.DataFrame(models.table()).set_index("model")
 compared[["free_parameters", "aic_above_least", "log_score", "deviance", "freedom", "p_deviance"]].round(3)
 
 # %% [markdown]
-# The shape of the chosen one, with 95 % intervals, and why it was chosen:
+# The shape parameters of the chosen model, with 95 % intervals, and why it was chosen:
 
 # %%
 pd.DataFrame(compared["shape"][models.chosen.model.name]).T
@@ -152,8 +150,8 @@ models.reason
 # %% [markdown]
 # ### Is it Markov, is it mixed?
 #
-# A chain forgets how it came where it is, and a mixed tank has no places. Each diagnostic asks the runs for one thing
-# that would be different otherwise; the p-values are corrected for their number.
+# A Markov chain has no memory of its past, and a well-mixed tank has no spatial structure. Each diagnostic tests the
+# runs for one thing that would differ otherwise; the p-values are corrected for their number.
 
 # %%
 diagnosis = diagnose(paths, models.chosen, [record.arrays["bonds"] for record in calibrating])
@@ -166,11 +164,10 @@ pd.DataFrame(diagnosis.verdicts()).set_index("test")[["p", "verdict"]].style.set
 ).format({"p": "{:.2g}"})
 
 # %% [markdown]
-# What is doubtful is small, and has its reason: two pieces that have just parted are still side by side, and
-# sometimes join again at once. Nothing else that these runs could show is seen.
+# What fails is small, and has a known cause: two parts that have just separated are still side by side, and sometimes
+# rejoin at once. These runs show no other deviation.
 #
-# The rates file holds all of this: rates with events and exposure, the break model and what the runs leave open of its
-# shape.
+# The rates file holds all of this: rates with events and exposure, the break model and the posterior of its shape.
 
 # %%
 rates = Rates.load(results / "rates.toml")
@@ -180,9 +177,9 @@ rates.breaks.model, rates.breaks.shape
 # ## 3. The chain predicts
 #
 # Two independent methods: `Transient` solves the master equation without sampling, `Direct` draws trajectories
-# (Gillespie's algorithm). Colours: mean and the middle 95 % of single runs, from 20,000 trajectories under 200
-# draws of the rates. Dashed in the same colours: the 95 % interval of the mean that the uncertain rates leave.
-# Black dots: the exact mean at the posterior mean of each rate constant.
+# (Gillespie's algorithm). Colours: mean and the middle 95 % of single runs, from 20,000 trajectories under 200 draws of
+# the rates. Dashed in the same colours: the 95 % interval of the mean due to the uncertainty of the rates. Black dots:
+# the solved mean at the posterior mean of each rate constant.
 
 # %%
 times = np.linspace(0.0, 2000.0, 101)
@@ -196,9 +193,9 @@ for ax, n in zip(axes, sizes, strict=True):
     ax.set_title(f"{n} cubes")
 
 # %% [markdown]
-# The two agree but for sampling error and for what the spread of the rates does to the mean, which is little. The
-# exact solution costs next to nothing either: it needs no truncation, although 120 cubes have thousands of states.
-# (Of the hundreds of differences, at all times and of all species, the largest is shown.)
+# The two agree except for sampling error and the small effect of the spread of the rates on the mean. The solution is
+# cheap, too, and needs no truncation, although 120 cubes have thousands of states. (The largest of the hundreds of
+# differences, over all times and species, is shown.)
 
 # %%
 pd.DataFrame(
@@ -215,11 +212,11 @@ pd.DataFrame(
 ).map("{:.5g}".format)
 
 # %% [markdown]
-# ### When comes the first line of four?
+# ### When does the first line of four form?
 #
-# The time to the first quadmer is a first passage. Its law at the posterior mean of each rate constant is exact too.
-# The mean is the posterior median of the mean time, its interval carries the uncertainty of the rates. More cubes
-# find each other sooner.
+# The time to the first quadmer is a first-passage time. Its distribution at the posterior mean of each rate constant is
+# solved as well. The mean shown is the posterior median of the mean time, and its interval reflects the uncertainty of
+# the rates. With more cubes the first line forms sooner.
 
 # %%
 passages = {n: predict_passage(network, rates, {"monomer": n}, "quadmer", seed=1) for n in sizes}
@@ -240,9 +237,9 @@ pd.DataFrame(
 # %% [markdown]
 # ## 4. Mechanics that the rates never saw
 #
-# Runs of 2,000 tu from single cubes, at each number of cubes and in each tank of the plan, with random streams of their
-# own. Beside them the prediction under the chosen break model, and under the control, `first-order`, fitted to the same
-# calibration runs.
+# Runs of 2,000 tu from single cubes, at each number of cubes and in each tank of the plan, with independent random
+# streams, are compared with the prediction under the chosen break model, and under the control, `first-order`, fitted
+# to the same calibration runs.
 
 # %%
 control_rates = Rates.load(results / "control-rates.toml")
@@ -267,9 +264,12 @@ times = np.linspace(0.0, 2000.0, 41)
 predicted, control = (
     ComparedSizes(
         tuple(
-            crossvalidate(
-                network, these, runs, times, "quadmer", label, seed=plan.held_out.seed, number=number,
-                groups=299, most_groups=299, exact_states=20_000,
+            replace(
+                crossvalidate(
+                    these, runs, times, "quadmer", seed=plan.held_out.seed, number=number,
+                    groups=299, most_groups=299, exact_states=20_000,
+                ),
+                label=label,
             )
             for number, (label, runs) in enumerate(zip(labels, held_out, strict=True))
             if len(runs) > 1
@@ -288,8 +288,8 @@ for comparison in predicted.comparisons:
 # noise and uncertain rates together. Red: the mean of the mechanics runs with its own interval. Nothing was
 # adjusted in between.
 #
-# Means hide much: breaks and joins that are both too frequent leave them where they are. So the verdict rests on the
-# events themselves, seen and expected, a row a size; p carries the uncertainty of the rates.
+# Means hide errors: if both breaks and joins are too frequent, the means stay the same. So the verdict rests on the
+# events themselves, seen and expected, one row per size; p includes the uncertainty of the rates.
 
 # %%
 events = pd.DataFrame([row.to_dict() for row in predicted.events])
@@ -297,7 +297,7 @@ events = events[events["group"].isin(["joins", "breaks"])].assign(ratio=events["
 events[["size", "group", "seen", "expected", "low", "high", "ratio", "p", "p_scatter"]].round(3)
 
 # %% [markdown]
-# The first line of four, run by run, beside its predicted distribution:
+# The time of the first line of four in each run, and its predicted distribution:
 
 # %%
 figure, axes = plt.subplots(2, 4, figsize=(16, 6.5))
@@ -310,8 +310,8 @@ for ax in axes.flat[len(predicted.comparisons) :]:
 # %% [markdown]
 # ### The verdict
 #
-# By the rules of the plan, stated before the runs, from 299 simulated groups of runs (`validate` takes up to
-# 49,999 where a p-value stays small):
+# By the rules of the plan, stated before the runs, from 299 simulated groups of runs (`validate` takes up to 49,999 if
+# a p-value stays small):
 
 # %%
 pd.DataFrame([bar.to_dict() for bar in bars(plan.verdict, predicted, control)]).style.set_properties(
@@ -326,6 +326,6 @@ pd.DataFrame([bar.to_dict() for bar in bars(plan.verdict, predicted, control)]).
 json.loads((results / "validation.json").read_text(encoding="utf-8"))["verdict"]
 
 # %% [markdown]
-# Rates measured in short runs thus stand or fall with these tables, in assemblies and at sizes where they were never
-# measured. What they do not say: whether the rates hold at other cube sizes, speeds or shapes of the tank. Those need
-# a calibration of their own (`wellmixed study plan my-scene.toml`), and a check like this one.
+# These tables thus test rates from short runs in whole assemblies, and at sizes at which they were never measured. They
+# do not show whether the rates hold at other cube sizes, speeds or tank shapes. Those need their own calibration
+# (`wellmixed study plan my-scene.toml`), and a check like this one.

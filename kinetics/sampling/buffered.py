@@ -18,7 +18,7 @@ FEWEST_DRAWS, MOST_DRAWS = 256, 16384  # of a call to a kernel
 NO_TIMES, NO_CHANNELS = np.empty(0), np.empty(0, dtype=np.int64)  # where nobody asks for events
 
 
-class StepwiseSampler:
+class BufferedSampler:
     """Runs of a kernel that reads its random numbers from buffers, call after call.
 
     begin(counts) : a fresh workspace for a run that starts at `counts` (S + 1,), the last one 1
