@@ -7,7 +7,7 @@ import importlib.util
 import io
 import os
 import warnings
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import click
 
@@ -144,11 +144,11 @@ GROUPS = {
 class FrontDoor(Menu):
     """Turns every error into one message and an exit code, see `kinetics.support.cli.failures`."""
 
-    def __call__(self, *args, **named) -> NoReturn:
+    def __call__(self, *args: Any, **named: Any) -> NoReturn:
         """Be the process of the command line, see `kinetics.support.cli.process`."""
         run(self, *args, **named)
 
-    def invoke(self, ctx: click.Context):
+    def invoke(self, ctx: click.Context) -> Any:
         """Run the chosen command."""
         warnings.showwarning = _tell
         silenced = contextlib.redirect_stderr(io.StringIO()) if ctx.params.get("quiet") else contextlib.nullcontext()
@@ -171,7 +171,7 @@ class FrontDoor(Menu):
             ctx.exit(code)
 
 
-def _tell(message, *_, **__) -> None:
+def _tell(message: Warning | str, *_: Any, **__: Any) -> None:
     """A warning as one line for people, without the place in the source that gave it."""
     click.echo(f"Warning: {message}", err=True)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, divided
 from kinetics.support.intervals import binomial_limits
 from kinetics.support.packages import stats
 from kinetics.support.plots import COLOURS
@@ -147,7 +147,7 @@ def planned_shares(ax: Axes, tanks: Sequence[str], amounts: Mapping[str, Sequenc
     left = np.zeros(len(amounts))
     table = np.array(list(amounts.values()), dtype=float)
     whole = table.sum(axis=1)
-    shares = np.divide(table, whole[:, None], out=np.zeros_like(table), where=whole[:, None] > 0)
+    shares = divided(table, whole[:, None])
     for i, (tank, column) in enumerate(zip(tanks, shares.T, strict=True)):
         hatch = "" if i < len(COLOURS) else "//"
         ax.barh(range(len(amounts)), column, left=left, color=COLOURS[i % len(COLOURS)], label=tank, hatch=hatch)

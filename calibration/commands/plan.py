@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mechsim.runs.executors import Executor
 
 
-class Percentage(click.ParamType):
+class Percentage(click.ParamType[float]):
     """A share between 0 and 1: `10%` or 0.1."""
 
     name = "percentage"

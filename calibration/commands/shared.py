@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import click
 from click.core import ParameterSource
@@ -12,6 +13,7 @@ from calibration.estimating.break_comparison import shape_in_words
 from calibration.reporting.overview import about_not_seen
 from calibration.validating.predictive import shown_p
 from kinetics.rates import about_priors
+from kinetics.support.cli.declared import Decorated, count_option
 from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import table_of
 from kinetics.support.tables import figure, inverse, of_unit, text_table
@@ -24,16 +26,9 @@ if TYPE_CHECKING:
     from calibration.pipeline.held_out_study import ValidationStudy
 
 
-def seed_option(default: int) -> Any:
+def seed_option(default: int) -> Callable[[Decorated], Decorated]:
     """--seed, with the command's own default."""
-    return click.option(
-        "--seed",
-        metavar="N",
-        type=click.IntRange(min=0),
-        default=default,
-        show_default=True,
-        help="Random seed; the same seed gives the same result.",
-    )
+    return count_option("--seed", least=0, default=default, help="Random seed; the same seed gives the same result.")
 
 
 report_option = click.option(

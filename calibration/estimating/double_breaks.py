@@ -156,5 +156,5 @@ def double_breaks(fit: RateFit, paths: Iterable[JumpPath], within: float) -> Dou
 def _hazard(fit: RateFit, path: JumpPath, times: Floats) -> Floats:
     """Breaks (n,) that the fit expects from the start of a run until each of these times."""
     begin, end, _ = sojourns(path)
-    gathered = np.append(0.0, np.cumsum(fit.integrated_hazards(path).sum(axis=1)))
+    gathered: Floats = np.append(0.0, np.cumsum(fit.integrated_hazards(path).sum(axis=1)))
     return np.interp(times, np.append(begin, end[-1]), gathered)

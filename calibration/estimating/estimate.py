@@ -273,4 +273,4 @@ def per_combination(network: Network) -> Floats:
         return network.ways
     needed = network.sparse_reactants
     like = [prod(factorial(n) for n in needed.row(channel)[1].tolist()) for channel in range(len(network.channels))]
-    return network.ways * np.array(like, dtype=float)
+    return network.ways * np.array(like, dtype=np.float64)

@@ -19,7 +19,7 @@ from calibration.estimating.mixed_evidence import MixedEvidence
 from calibration.estimating.rate_model import RateModel
 from calibration.estimating.shape_search import least
 from kinetics.runs import RESTART, JumpPath
-from kinetics.support.arrays import Floats, Ints
+from kinetics.support.arrays import Floats, Ints, divided
 
 STEPS = 100  # of Newton; five to ten are usual
 SCATTERED = 128  # shapes tried at first
@@ -188,8 +188,9 @@ class PathLikelihood:
     @cached_property
     def counts(self) -> Floats:
         """Events (L,) of each sort of channel."""
-        fired = [self.grouping.sorts_of(p.network)[p.channels[p.channels != RESTART]] for p in self.paths]
-        return np.sum([np.bincount(f[f >= 0], minlength=len(self.grouping.shares)) for f in fired], axis=0, dtype=float)
+        sorts = [self.grouping.sorts_of(p.network)[p.channels[p.channels != RESTART]] for p in self.paths]
+        fired = np.concatenate(sorts)
+        return np.bincount(fired[fired >= 0], minlength=len(self.grouping.shares)).astype(np.float64)
 
     def value(self, coefficients: Floats) -> float:
         """Log-likelihood of coefficients (P, K) under the model as it is."""
@@ -261,7 +262,7 @@ class PathLikelihood:
             """Events (K,) of each constant."""
             each = shares * constants
             total = each.sum(axis=1, keepdims=True)
-            return self.counts @ np.divide(each, total, out=np.zeros_like(each), where=total > 0)
+            return self.counts @ divided(each, total)
 
         enough = EXACT * self.counts.sum()
         events = expected(np.ones(len(self.grouping.keys)))
@@ -272,7 +273,7 @@ class PathLikelihood:
             weights = model.mixture()
             exposure = parts[:, 0] if weights is None else parts @ weights[0]
             for _ in range(ROUNDS):
-                constants = np.divide(events, exposure, out=np.zeros(exposure.size), where=exposure > 0)
+                constants = divided(events, exposure)
                 last, events = events, expected(constants)
                 if np.abs(events - last).max(initial=0.0) <= enough:
                     break

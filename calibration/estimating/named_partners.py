@@ -24,7 +24,7 @@ def may_have_broken(recorded: Ints, column: Ints, wall: int | None, columns: int
     named = own[:, None] == places
     is_wall = np.zeros(columns, dtype=bool) if wall is None else places == wall
     by = recorded[:, None]
-    return named | ((by == BY_WALL) & is_wall) | ((by == BY_SEVERAL) & ~is_wall) | (by == BY_UNKNOWN)
+    return np.asarray(named | ((by == BY_WALL) & is_wall) | ((by == BY_SEVERAL) & ~is_wall) | (by == BY_UNKNOWN))
 
 
 def of_the_named(at_events: Floats, named: NDArray[np.bool_]) -> Floats:

@@ -215,7 +215,7 @@ class RateFit(Shown):
         terms = self.model.in_terms(path)
         chosen = list(self.likelihood.channels)
         known = np.nan_to_num(self.best.coefficients) * (path.network.ways * path.open_channels)[chosen]
-        return waits[:, None] * sum(k * h[:, chosen] for k, h in zip(known, terms, strict=True))
+        return np.asarray(waits[:, None] * sum(k * h[:, chosen] for k, h in zip(known, terms, strict=True)))
 
     def table(self, level: float = 0.95) -> list[dict[str, Any]]:
         """One row per parameter: estimate, profile-likelihood limits, and the events of a coefficient's channel."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import replace
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats, Ints
 
 
+@dataclass(frozen=True)
 class RateModel(ABC):
     """A model of rates: the propensity of every channel, up to coefficients and shape parameters to be estimated.
 
@@ -79,8 +80,7 @@ class RateModel(ABC):
 
     def with_shape(self, values: Mapping[str, float]) -> Self:
         """A copy of the model with these values of some of its shape parameters."""
-        changed: Any = replace(self, **values)  # type: ignore[type-var]
-        return changed
+        return replace(self, **values)
 
     @property
     def shape_values(self) -> dict[str, float]:

@@ -158,7 +158,7 @@ def _texts(column: Any) -> NDArray[Any]:
         coded = coded.dictionary_encode()
     values = coded.dictionary.to_pylist()
     texts = ["" if value is None or str(value) == "nan" else str(value).strip() for value in values]
-    return np.array([*texts, ""], dtype=object)[coded.indices.fill_null(len(texts)).to_numpy()]
+    return np.asarray(np.array([*texts, ""], dtype=object)[coded.indices.fill_null(len(texts)).to_numpy()])
 
 
 def near(name: str, known: Sequence[str], shown: int = 8) -> str:

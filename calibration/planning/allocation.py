@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.support.arrays import Floats, Ints, reals
+from kinetics.support.arrays import Floats, Ints, divided, reals
 from kinetics.support.intervals import exact_limits
 from kinetics.support.packages import optimize
 
@@ -21,7 +21,7 @@ def half_width(events: ArrayLike) -> Floats:
     """
     n = np.asarray(events, dtype=float)
     low, high = exact_limits(n, 1.0)
-    return np.divide(high - low, 2 * n, out=np.full(n.shape, np.inf), where=n > 0)
+    return divided(high - low, 2 * n, np.inf)
 
 
 def events_for(width: float) -> float:

@@ -241,7 +241,7 @@ class CrossValidation(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything in types that JSON can hold: arrays as lists, nan as None."""
-        return _plain(
+        plain: dict[str, Any] = _plain(
             {
                 "summary": self.figures(),
                 "is_consistent": self.is_consistent,
@@ -257,6 +257,7 @@ class CrossValidation(Shown):
                 "table": self.table(),
             }
         )
+        return plain
 
     def plot(self, axes: Sequence[Axes] | None = None, species: Sequence[str] | None = None) -> Sequence[Axes]:
         """Plot observed and predicted means with bands, one species per axes; all species unless some are named.

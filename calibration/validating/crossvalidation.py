@@ -183,4 +183,4 @@ def _z(difference: Floats, intrinsic: Floats, error: Floats, means: Floats) -> F
     error : of the prediction itself, by sampling
     """
     sd = np.hypot(np.maximum(intrinsic, means.std(axis=0, ddof=1)), error)
-    return np.divide(difference, sd, out=np.full(sd.shape, np.nan), where=sd > 1e-9)
+    return difference / np.where(sd > 1e-9, sd, np.nan)

@@ -24,7 +24,7 @@ from calibration.validating.scores import Counts, central_band
 from kinetics.network import Network, Tank
 from kinetics.rates.breaks import base_channel
 from kinetics.runs import JumpPath
-from kinetics.support.arrays import Floats, Ints
+from kinetics.support.arrays import Floats, Ints, divided
 from kinetics.support.cli.progress import stage
 
 LEVEL = 0.95
@@ -96,9 +96,9 @@ class EventTotals:
     def of(cls, events: Ints, expected: Floats) -> EventTotals:
         """From each run's events and expected events (D, n, G)."""
         seen, total = events.sum(axis=1), expected.sum(axis=1)
-        factor = np.divide(seen, total, out=np.zeros(total.shape), where=total > 0)
+        factor = divided(seen, total)
         fitted = expected * factor[:, None]
-        squares = np.divide((events - fitted) ** 2, fitted, out=np.zeros(fitted.shape), where=fitted > 0)
+        squares = divided((events - fitted) ** 2, fitted)
         return cls(seen, total, squares.sum(axis=1), events.shape[1] - 1)
 
     @classmethod
@@ -163,7 +163,7 @@ class HeldOutEvents:
     def expected_by_draw(self, group: str, draws: int) -> Floats:
         """Events (draws,) of a group of channels that each draw of the rates expects in all held-out runs together."""
         members = self._members[:, self.names.index(group)]
-        return self.groups.constants(0, draws) @ (self.exposures.sum(axis=0) * members)
+        return np.asarray(self.groups.constants(0, draws) @ (self.exposures.sum(axis=0) * members))
 
     @cached_property
     def observed(self) -> EventTotals:
@@ -216,7 +216,7 @@ class HeldOutEvents:
         names = (*(self.names[g] for g in pooled), *species)
         values = []
         for events, expected, final in ((self.seen, self.expected, counts), (*self.first_runs, simulated)):
-            ratio = np.divide(events, expected, out=np.zeros(expected.shape), where=expected > 0)
+            ratio = divided(events, expected)
             values.append(np.concatenate([ratio[..., pooled], final], axis=-1))
         return names, values[0], values[1]
 

@@ -11,7 +11,7 @@ import numpy as np
 from calibration import plots
 from kinetics.markov.transient.search import MAX_STATES, TooManyStatesError
 from kinetics.network import Network
-from kinetics.network.laws.expression import quoted
+from kinetics.network.laws.writing import quoted
 from kinetics.runs import JumpPath, TruncatedRunsError
 from kinetics.sampling import Direct, first_times_of_draws
 from kinetics.support.arrays import Floats, Ints
@@ -302,4 +302,4 @@ def _distances(levels: Floats, limit: float) -> Floats:
     # at each level seen the curve steps up; beyond the last one the diagonal goes on to the limit
     above = np.where(x <= limit, step[1:] - x, 0.0).max(axis=1)
     below = (np.minimum(x, limit) - step[:-1]).max(axis=1)
-    return np.maximum(above, below)
+    return np.asarray(np.maximum(above, below))

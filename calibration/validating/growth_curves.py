@@ -25,6 +25,7 @@ from kinetics.networkfree.growth import NOTHING
 from kinetics.rates import ClassRates
 from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, rising_times
+from kinetics.support.datasets import dataframe_over_times
 from kinetics.support.packages import pd, plt
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import text_table
@@ -181,12 +182,9 @@ class GrowthComparison(Shown, Tabular):
     def to_dataframe(self) -> pd.DataFrame:
         """One row a time and curve."""
         columns = {"observed": self.observed, "predicted": self.predicted, "low": self.low, "high": self.high}
-        keys = {
-            "label": self.label,
-            "time": np.repeat(self.times, len(self.curves)),
-            "curve": list(self.curves) * self.times.size,
-        }
-        return pd.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
+        frame = dataframe_over_times(self.times, "curve", self.curves, columns)
+        frame.insert(0, "label", self.label)
+        return frame
 
     def to_dict(self) -> dict[str, Any]:
         """The comparison as a dictionary, ready for JSON."""

@@ -23,7 +23,7 @@ def predictive_p(seen: Floats, simulated: Floats) -> Floats:
     [1.0, 0.5]
     """
     at_most, at_least = (simulated <= seen).sum(axis=0), (simulated >= seen).sum(axis=0)
-    return np.minimum(2 * (1 + np.minimum(at_most, at_least)) / (len(simulated) + 1), 1.0)
+    return np.asarray(np.minimum(2 * (1 + np.minimum(at_most, at_least)) / (len(simulated) + 1), 1.0))
 
 
 def least_p(groups: int) -> float:

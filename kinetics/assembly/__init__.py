@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from kinetics.assembly.faces import FaceScheme as FaceScheme
     from kinetics.assembly.faces import compose as compose
     from kinetics.assembly.faces import inverse as inverse
+    from kinetics.assembly.rules.conditions import Semantics as Semantics
+    from kinetics.assembly.rules.conditions import Senses as Senses
     from kinetics.assembly.rules.rule_book import LivelockError as LivelockError
     from kinetics.assembly.rules.rule_book import RuleBook as RuleBook
-    from kinetics.assembly.rules.rule_book import Semantics as Semantics
-    from kinetics.assembly.rules.rule_book import Senses as Senses
     from kinetics.assembly.rules.rule_book import View as View
     from kinetics.assembly.structure import Placement as Placement
     from kinetics.assembly.structure import Structure as Structure

@@ -83,7 +83,7 @@ class FaceScheme:
 
         A cube's rotation leads from its own frame to the structure's, so an unseen turn acts first.
         """
-        return compose[:, self.symmetry].min(axis=1)
+        return np.asarray(compose[:, self.symmetry].min(axis=1))
 
 
 # The paper's f1 is top and bottom and f2 the sides (section IV); `six` are its f1..f6 told apart.

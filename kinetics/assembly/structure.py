@@ -15,7 +15,7 @@ from kinetics.support.shown import on_axes
 # Plain tuples: looking up single numbers in NumPy arrays costs ten times as much.
 _MATRICES = ROTATIONS.reshape(-1, 9).tolist()
 _COMPOSE = compose.tolist()
-_TURNED = turned.tolist()
+_TURNED: list[list[int]] = turned.tolist()
 _FACE_TOWARDS = [[row.index(direction) for direction in range(6)] for row in _TURNED]
 # The four rotations that turn direction d_b (of b's lattice) into d_a: one a twist about it.
 _TURNING = [

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from kinetics.predicting.methods import SAMPLING, method_of, names
+from kinetics.predicting.methods import method_of, names
+from kinetics.sampling.methods import BY_NAME
 
 if TYPE_CHECKING:
     from kinetics.markov.transient import SolvingMethod
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 def within_budget(name: str, seconds: float) -> SamplingMethod | SolvingMethod:
     """The method of this name; one that forecasts its work refuses what is forecast to take more CPU time, s."""
     method: Any = method_of(name)
-    return replace(method, max_seconds=seconds) if hasattr(method, "max_seconds") else method
+    return method_of(replace(method, max_seconds=seconds) if hasattr(method, "max_seconds") else method)
 
 
 class MethodName(click.Choice[str]):
@@ -36,4 +37,4 @@ class MethodName(click.Choice[str]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """The name itself; the error of `click.Choice` for any other."""
-        return value if value in SAMPLING else super().convert(value, param, ctx)
+        return value if value in BY_NAME else super().convert(value, param, ctx)

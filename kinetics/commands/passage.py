@@ -11,7 +11,7 @@ import numpy as np
 
 from kinetics.commands.models import applied, conditions, described, instead_of_many_states, remarks
 from kinetics.markov.network_questions import chain_to
-from kinetics.network.laws.expression import quoted
+from kinetics.network.laws.writing import quoted
 from kinetics.network.sums import Counted, in_words, summed
 from kinetics.predicting import predict_passage
 from kinetics.runs import TruncatedRunsError

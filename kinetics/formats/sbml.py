@@ -104,7 +104,7 @@ def _are_moles(names: SbmlNames) -> bool:
 
 def _time_unit(names: SbmlNames) -> str:
     """The model's unit of time, as it names it; `s` for a second, and "" where it states none."""
-    unit = names.source.getTimeUnits()
+    unit: str = names.source.getTimeUnits()
     defined = {each.getId(): each.getName() for each in names.each("UnitDefinitions")}
     return {"second": "s", "dimensionless": ""}.get(unit, defined.get(unit) or unit)
 

@@ -209,11 +209,11 @@ class SbmlNames:
     def _stated_of_species(self, name: str) -> float:
         species = self.species[name]
         if species.isSetInitialAmount():
-            amount = species.getInitialAmount()
+            amount = float(species.getInitialAmount())
             return amount if self._is_amount(species) else amount / self._initial_size(name)
         if not species.isSetInitialConcentration():
             raise ValueError(f"species {name!r} has no initial amount")
-        concentration = species.getInitialConcentration()
+        concentration = float(species.getInitialConcentration())
         return concentration * self.initial(species.getCompartment()) if self._is_amount(species) else concentration
 
     def _is_amount(self, species: Any) -> bool:

@@ -60,7 +60,7 @@ def sbml_text(model: Model) -> str:
         rule.setVariable(parameter.getId())
         terms = [f"{weight!r} * {PLACE.format(i)}" for i, weight in enumerate(weights.values())]
         rule.setMath(_formula(" + ".join(terms) or "0", [species[network.index(each)] for each in weights]))
-    return libsbml.writeSBMLToString(document)
+    return str(libsbml.writeSBMLToString(document))
 
 
 def _add_reaction(reaction: Any, key: str, name: str, network: Network, r: int, species: list[str]) -> None:

@@ -29,9 +29,8 @@ from kinetics.support.cli.progress import is_terminal
 from kinetics.support.interrupts import heard
 
 PREFIX = "kernels-"
-KEPT = (
-    3  # folders of one room: going back to sources of a while ago, or another version of Numba, compiles nothing anew
-)
+# Folders of one room: going back to sources of a while ago, or another version of Numba, compiles nothing anew.
+KEPT = 3
 
 
 def compiled(
@@ -59,7 +58,8 @@ def compiled(
             if "no locator available" not in str(error):
                 raise
             say_that_nothing_is_kept()
-    return dispatcher
+    kernel: Callable[..., Any] = dispatcher
+    return kernel
 
 
 def template_of_plain_types(template: Callable[..., Any], args: tuple[Any, ...], kws: dict[str, Any]) -> Any:

@@ -8,7 +8,7 @@ WIDE = 4.0  # standard deviations of the worst order of events that a box allows
 TRIALS = 16  # lengths of a leap that are tried
 
 
-def next_length(length, longest, undecided, open_events):
+def next_length(length: float, longest: float, undecided: float, open_events: float) -> float:
     """The length to try after one that leaves so many events undecided; the same where it will do.
 
     open_events : how many are to be undecided; longest : no leap is longer

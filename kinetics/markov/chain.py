@@ -272,7 +272,10 @@ class Chain:
     def _by(self, held: Mask, stops: Mask, by: float, method: ListingMethod | None, first: FirstPhase | None) -> Answer:
         """The probability of `held` at a time, of the chain that is stopped, from a first phase on if there is one."""
         chain, space = self.transitions.stopped(stops), stopped_in(self.space, stops)
-        ends = lambda start, time: mean_at(chain, start, held.astype(float), time, space, method)  # noqa: E731
+
+        def ends(start: Floats, time: float) -> Answer:
+            return mean_at(chain, start, held.astype(float), time, space, method)
+
         if first is None:
             return ends(self.initial, one_time("by", by)).clipped()
         return first.then(ends, float(chain.exits.max(initial=0.0))).clipped()

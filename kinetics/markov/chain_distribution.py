@@ -55,7 +55,7 @@ class ChainDistribution(Shown):
 
     def mean(self, values: ArrayLike) -> Floats:
         """Mean (T,) of values (N,), or means (T, V) of values (N, V); of a mask, its probability."""
-        return self.probabilities @ np.asarray(values, dtype=float)
+        return self.probabilities @ np.asarray(values, dtype=np.float64)
 
     def mean_bounds(self, values: ArrayLike) -> tuple[Floats, Floats]:
         """Lower and upper bounds of `mean`: at worst all of the error lies between the largest and smallest value."""

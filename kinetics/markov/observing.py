@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from kinetics.markov.chain import Chain
-from kinetics.markov.rewards import Reward, named_reward
+from kinetics.markov.checks import Reward
+from kinetics.markov.rewards import named_reward
 from kinetics.network import Model
 from kinetics.network.predicates import weights_of, whole_sums
 from kinetics.support.arrays import Floats, Ints

@@ -41,13 +41,13 @@ def tabulate(keys: Words, n: int, size: int) -> Ints:
         call("tabulate", keys, n, slots, size)
         return slots
 
-    return kernels.exploration.tabulate(keys, n, size)
+    return np.asarray(kernels.exploration.tabulate(keys, n, size))
 
 
 def find(asked: Ints, asked_keys: Words, table: Table) -> Ints:
     """Rows (n,) of the states asked for; -1 where there is none: `exploration.find`."""
     if not is_built():
-        return kernels.exploration.find(asked, asked_keys, *table)
+        return np.asarray(kernels.exploration.find(asked, asked_keys, *table))
     rows = np.empty(len(asked), np.int64)
     space = _space(table)
     call("find", given(asked, np.int64), given(asked_keys, np.uint64), len(asked), space, rows)
@@ -58,7 +58,7 @@ def insert(new: Ints, new_keys: Words, table: Table, n: int, rows: Ints) -> int:
     """Add to the first n states those that are new, for which there is room; how many there are then:
     `exploration.insert`."""
     if not is_built():
-        return kernels.exploration.insert(new, new_keys, *table, n, rows)
+        return int(kernels.exploration.insert(new, new_keys, *table, n, rows))
     space = _space(table)
     return int(call("insert", given(new, np.int64), given(new_keys, np.uint64), len(new), space, n, rows))
 
@@ -109,7 +109,7 @@ def slots_for(n: int) -> int:
 def neighbours(begin: int, propensities: Floats, changes: Entries, key_changes: Words, table: Table) -> Ints:
     """Row (n, R) to which each channel leads from the states begin, begin + 1, ...: `exploration.neighbours`."""
     if not is_built():
-        return kernels.exploration.neighbours(begin, propensities, changes, key_changes, *table)
+        return np.asarray(kernels.exploration.neighbours(begin, propensities, changes, key_changes, *table))
     n, n_channels = propensities.shape
     ends = np.empty((n, n_channels), np.int64)
     space = _space(table)

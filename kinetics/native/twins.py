@@ -113,7 +113,8 @@ def events(
 ) -> tuple[int, int]:  # fmt: skip
     """Run one trajectory on until `end`, or until the buffers of events are full: `direct.advance`."""
     if not is_built() or _has_program(stop):
-        return kernels.direct.advance(model, changes, counts, clock, end, stream, times, fired, stop)
+        outcome, n = kernels.direct.advance(model, changes, counts, clock, end, stream, times, fired, stop)
+        return outcome, n
     last, n_events = np.array([end], dtype=float), np.zeros(1, np.int64)
     outcome = call(
         "events", _model(model, changes), counts, clock, last, stream, times, fired, times.size, n_events, _table(stop)

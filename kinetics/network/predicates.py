@@ -49,7 +49,7 @@ class StateNames:
         """In which states (N,) the condition holds; ValueError if it is none, or uses other names."""
         expression = read_condition(text)
         self._check_truth(expression, text)
-        return self._values(expression, f"condition {shortened(text)!r}", 0.0)[0] != 0.0
+        return np.not_equal(self._values(expression, f"condition {shortened(text)!r}", 0.0)[0], 0.0)
 
     def values(self, text: str) -> tuple[Floats, float]:
         """The value (N,) of a formula in counts and labels, which are 1 or 0, in every state; its relative error.

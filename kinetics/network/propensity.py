@@ -43,13 +43,17 @@ def combinations(copies: Ints, taken: int, counted: str) -> Floats:
     if counted == "product":  # not by the library's power, which rounds more often
         return np.where(copies >= taken, np.prod([available] * taken, axis=0), 0.0)
     # With fewer copies than taken, one of the factors is exactly 0; the clip keeps the others from going below.
-    ordered = np.prod([np.maximum(available - i, 0.0) for i in range(taken)], axis=0)
+    ordered: Floats = np.prod([np.maximum(available - i, 0.0) for i in range(taken)], axis=0)
     return ordered if counted == "ordered" else ordered / factorial(taken)
+
+
+def _product(copies: int, taken: int) -> int:
+    return int(copies**taken) if copies >= taken else 0
 
 
 def _combinations_of_many(copies: Ints, taken: int, counted: str) -> Floats:
     """Combinations of each count, from exact integers rounded once: numerator and denominator may exceed a float."""
-    exact = {"distinct": comb, "ordered": perm, "product": lambda s, m: s**m if s >= m else 0}[counted]
+    exact = {"distinct": comb, "ordered": perm, "product": _product}[counted]
     found, where = np.unique(copies, return_inverse=True)
     try:
         if _least_log(int(found[-1]), taken, counted) > LOG_LARGEST:

@@ -15,6 +15,7 @@ from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Placement, Structure
 from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
+from kinetics.support.datasets import dataframe
 from kinetics.support.frozen import set_fields
 from kinetics.support.packages import pd
 from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, on_axes, over_time
@@ -136,7 +137,7 @@ class Growth(Shown, Tabular):
             return np.zeros(grid.size, dtype=np.int64)
         events, sides, changes = self._changes
         mine = sides == index
-        copies = np.append(0, np.cumsum(changes[mine])) + self.initial[index]
+        copies = np.append(0, np.cumsum(changes[mine])) + int(self.initial[index])
         return copies[np.searchsorted(self.times[events[mine]], grid, side="right")]
 
     def by_size(self, times: ArrayLike, most: int | None = None) -> Ints:
@@ -171,8 +172,8 @@ class Growth(Shown, Tabular):
         """At most n times, tu, at which the largest structure grew beyond all before, the first and last included."""
         made = np.append(self.sizes, 0)[self.after].max(axis=1)  # NOTHING = -1 picks the last
         record = np.maximum.accumulate(np.append(self.sizes[self.initial > 0].max(), made))
-        outgrown = np.append(0.0, self.times)[np.append(True, np.diff(record) > 0)]
-        return outgrown[np.unique(np.linspace(0, outgrown.size - 1, n).round().astype(int))]
+        outgrown: Floats = np.append(0.0, self.times)[np.append(True, np.diff(record) > 0)]
+        return outgrown[np.unique(np.rint(np.linspace(0, outgrown.size - 1, n)).astype(np.int64))]
 
     def frames(self, times: ArrayLike) -> list[Structure]:
         """The largest structure at each of the times, tu, oriented so that the cubes it keeps stay in place."""
@@ -189,7 +190,7 @@ class Growth(Shown, Tabular):
             name: [" + ".join(filter(None, (names[s] for s in pair))) for pair in side.tolist()]
             for name, side in (("before", self.before), ("after", self.after))
         }
-        return pd.DataFrame({"time": self.times, **sides})
+        return dataframe({"time": self.times, **sides})
 
     def _grid(self, times: ArrayLike) -> Floats:
         grid = rising_times(times)
@@ -284,7 +285,7 @@ class Growths(Shown):
     def largest(self, times: ArrayLike) -> Ints:
         """Cubes (runs, T) of the largest structure at times (T,), tu."""
         present = self.by_size(times)[..., ::-1] > 0
-        return self.most - np.argmax(present, axis=-1)
+        return np.asarray(self.most - present.argmax(axis=-1))
 
     def first_times(self, structure: Structure) -> Floats:
         """Times (runs,) in tu at which such a structure first formed; nan if none did by the end."""
@@ -328,7 +329,7 @@ class Growths(Shown):
         """One row per run and time: run, time in tu, and the series."""
         grid = rising_times(times)
         table = {"run": np.repeat(np.arange(len(self.runs)), grid.size), "time": np.tile(grid, len(self.runs))}
-        return pd.DataFrame(table | {name: values.ravel() for name, values in self.series(grid).items()})
+        return dataframe(table | {name: values.ravel() for name, values in self.series(grid).items()})
 
     @on_axes
     def plot(self, ax: Any, times: ArrayLike) -> Any:
@@ -363,4 +364,4 @@ def _class_name(low: int, high: int) -> str:
 
 def _quantile(values: Ints, q: float) -> Floats:
     """Smallest counts (T,) with at least a share q of the runs at or below them."""
-    return np.quantile(values.astype(float), q, axis=0, method="inverted_cdf")
+    return np.quantile(values.astype(np.float64), q, axis=0, method="inverted_cdf")

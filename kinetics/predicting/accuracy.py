@@ -91,7 +91,7 @@ class AskedAccuracy:
         """
         if not self.is_relative:
             return np.full(figures.shape[1], self.value)
-        return self.value / (1.0 + self.value) * np.maximum(figures.max(axis=0), 1.0)
+        return np.asarray(self.value / (1.0 + self.value) * np.maximum(figures.max(axis=0), 1.0))
 
 
 class CostForecast(NamedTuple):

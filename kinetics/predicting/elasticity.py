@@ -14,7 +14,7 @@ from kinetics.network import Model, Network, Tank
 from kinetics.predicting.over_draws import DrawMeans
 from kinetics.rates import BookRates, Rates, RatesPosterior
 from kinetics.support import plots
-from kinetics.support.arrays import Counts, Floats, rising_times
+from kinetics.support.arrays import Counts, Floats, divided, rising_times
 from kinetics.support.intervals import student_quantile
 from kinetics.support.shown import ResultTable, Shown, on_axes
 
@@ -217,9 +217,9 @@ def exact_elasticities(posterior: RatesPosterior, solved: Callable[[Network], Gr
         posterior.names,
         np.arange(len(posterior.names)) < len(posterior.rates),
         at,
-        _over(slope, at),
+        divided(slope, at, np.nan),
         np.zeros_like(slope),
-        _over(slope * moved, (slope * moved).sum(axis=0)),
+        divided(slope * moved, (slope * moved).sum(axis=0), np.nan),
         0.0,
         True,
     )
@@ -239,7 +239,7 @@ def _constants(posterior: RatesPosterior) -> tuple[Floats, Floats]:
     by_shape = (4.0 * one - two) / 3.0
     held = np.where((constants == 0.0) & by_shape.any(axis=0), TINY * constants.max(), constants)
     by_rate = posterior.parts(middle) * (held > 0.0)
-    by_shape = np.divide(by_shape, held, out=np.zeros_like(by_shape), where=held > 0.0)
+    by_shape = divided(by_shape, held)
     return held, np.vstack([by_rate, by_shape])
 
 
@@ -276,14 +276,14 @@ def elasticities_of_draws(drawn: DrawMeans) -> Elasticities:
     for place, p in enumerate(varied, start=1):
         slope[p], influence = fitted[place], inverse[place][:, None] * residual
         slope_error[p] = np.sqrt((influence**2).sum(axis=0))
-        value[p] = _over(slope[p], average)
+        value[p] = divided(slope[p], average, np.nan)
         ratio = influence - np.nan_to_num(value[p]) * (means - average) / n
-        error[p] = _over(np.sqrt((ratio**2).sum(axis=0)), average)
+        error[p] = divided(np.sqrt((ratio**2).sum(axis=0)), average, np.nan)
     known = np.nan_to_num(slope)
     explained = known * (covariance @ known) - np.diag(covariance)[:, None] * np.nan_to_num(slope_error) ** 2
     explained = np.maximum(explained, 0.0)
     variance = means.var(axis=0, ddof=1) - drawn.noise.reshape(n, -1).mean(axis=0)
-    share = _over(explained, np.maximum(variance, explained.sum(axis=0)))
+    share = divided(explained, np.maximum(variance, explained.sum(axis=0)), np.nan)
     shape = drawn.means.shape[1:]
     return Elasticities(
         posterior.names,
@@ -303,9 +303,3 @@ def _relative_covariance(posterior: RatesPosterior) -> Floats:
     scale[len(posterior.rates) :] = 1.0
     scale[scale == 0] = 1.0  # a rate that is known to be 0 does not vary
     return posterior.covariance / np.outer(scale, scale)
-
-
-def _over(numbers: Floats, by: Floats) -> Floats:
-    """Numbers over positive ones; nan elsewhere."""
-    whole = np.broadcast_to(by, numbers.shape)
-    return np.divide(numbers, whole, out=np.full(numbers.shape, np.nan), where=whole > 0)

@@ -48,7 +48,7 @@ class Job:
         if self.observables is None:
             return tops
         weights = self.observables.weights
-        return (weights * np.where(weights > 0, tops[:, None], 0.0)).sum(axis=0)
+        return np.asarray((weights * np.where(weights > 0, tops[:, None], 0.0)).sum(axis=0))
 
     @property
     def is_known(self) -> NDArray[np.bool_]:
@@ -59,4 +59,4 @@ class Job:
             moves[[network.index(name) for name in event.assign]] = True
         if self.observables is not None:
             moves = np.any(self.observables.weights[moves] > 0, axis=0)
-        return (self.grid == 0.0)[:, None] | ~moves
+        return np.equal(self.grid, 0.0)[:, None] | ~moves

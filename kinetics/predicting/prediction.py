@@ -22,7 +22,7 @@ from kinetics.sampling.streamed import streamed
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support import plots
 from kinetics.support.arrays import Counts, Floats, real_number, some_times
-from kinetics.support.datasets import dataset
+from kinetics.support.datasets import dataframe_over_times, dataset
 from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time, precision_of
 from kinetics.support.tables import with_spread
@@ -110,12 +110,10 @@ class Prediction(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species."""
-        names = self.network.species
         columns = {"mean": self.mean, "sd": self.sd, "standard_error": self.standard_error}
         if self.low is not None and self.high is not None:
             columns |= {"low": self.low, "high": self.high}
-        keys = {"time": np.repeat(self.times, len(names)), "species": list(names) * self.times.size}
-        return pd.DataFrame(keys | {name: values.ravel() for name, values in columns.items()})
+        return dataframe_over_times(self.times, "species", self.network.species, columns)
 
     def to_xarray(self) -> xr.Dataset:
         """Mean, sd, standard error and interval as a dataset with dimensions time and species; needs xarray."""

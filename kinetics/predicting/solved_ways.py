@@ -17,7 +17,7 @@ from kinetics.network import Network
 from kinetics.predicting import tuning
 from kinetics.predicting.accuracy import AskedAccuracy, CostForecast
 from kinetics.predicting.ways import AccuracyWay, Attained, Goal
-from kinetics.support.arrays import Floats, Ints
+from kinetics.support.arrays import Floats, Ints, divided
 from kinetics.support.cli.progress import progress_line
 
 
@@ -169,9 +169,7 @@ def largest_counts(network: Network, start: Ints) -> Floats:
     tops = np.full(len(network.species), np.inf if may_grow else copies)
     for weights in network.conserved.values():
         if weights.min() >= 0.0:
-            shares = np.divide(
-                weights @ start.astype(float), weights, out=np.full(tops.size, np.inf), where=weights > 0.0
-            )
+            shares = divided(weights @ start.astype(float), weights, np.inf)
             tops = np.minimum(tops, np.floor(shares * (1.0 + 1e-12)))
     return tops
 

@@ -154,7 +154,7 @@ def largest_errors(values: Floats, ratios: Floats, seed: int) -> Floats:
     moves = matters & (scale > 0.0)
     single = np.where(matters & ~moves, ratios, 0.0).max(axis=0)
     single = single[single > 0.0]
-    errors = np.abs(rng.standard_normal((single.size + 1, DRAWN)) * np.append(single, 0.0)[:, None]).max(axis=0)
+    errors: Floats = np.abs(rng.standard_normal((single.size + 1, DRAWN)) * np.append(single, 0.0)[:, None]).max(axis=0)
     if moves.any():
         weights = away[:, moves] * (ratios[moves] / scale[moves])
         if 3 * weights.shape[1] < len(weights):  # the root of their covariances says the same in fewer rows

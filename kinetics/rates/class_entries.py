@@ -45,7 +45,8 @@ class ClassRate(MeasuredRate):
             sizes = np.arange(1.0, len(self.exposures) - 1)
             shapes = [dict(zip(breaks.shape, point, strict=True)) for point in points.tolist()]
             weights = (breaks.break_model.by_size(sizes, shape) for shape in shapes)
-            return np.array([np.append(bodies, fixed) for bodies, *fixed in weights]) @ np.array(self.exposures)
+            by_size = np.array([np.append(bodies, fixed) for bodies, *fixed in weights])
+            return np.asarray(by_size @ np.array(self.exposures))
         if self.exposure_by_shape is None or breaks.posterior is None:
             return None
         known = dict(zip(breaks.posterior.points, self.exposure_by_shape, strict=True))

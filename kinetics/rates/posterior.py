@@ -77,7 +77,7 @@ class RatesPosterior:
     def parts(self, parameters: Floats) -> Floats:
         """The part (K, R') that each rate has in each rate constant at parameters (P,)."""
         if self.shares is None:
-            return (self.expansion.base_of == np.arange(len(self.known))[:, None]).astype(float)
+            return np.equal(self.expansion.base_of, np.arange(len(self.known))[:, None]).astype(np.float64)
         rates, shape = np.split(parameters, [len(self.known)])
         each = self.shares * rates * self.factors_at(shape[None, :])[0]
         each = np.where(each.any(axis=1, keepdims=True), each, self.shares)

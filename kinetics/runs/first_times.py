@@ -13,6 +13,7 @@ from kinetics.runs.truncation import Truncation
 from kinetics.support import plots
 from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.datasets import dataframe
 from kinetics.support.intervals import binomial_limits, student_interval
 from kinetics.support.packages import pd, special
 from kinetics.support.shown import ResultTable, Shown, Tabular, facts, on_axes
@@ -192,7 +193,7 @@ class FirstTimes(Shown, Tabular):
     def to_dataframe(self) -> pd.DataFrame:
         """One row a run: its number, until when it was observed, whether the condition held then, and its counts."""
         table = {"run": np.arange(self.runs), "time": self.observed, "is_reached": self.is_reached}
-        return pd.DataFrame(table | dict(zip(self.network.species, self.counts.T, strict=True)))
+        return dataframe(table | dict(zip(self.network.species, self.counts.T, strict=True)))
 
     @on_axes
     def plot(self, ax: Any) -> Any:

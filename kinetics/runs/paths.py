@@ -5,6 +5,7 @@ Simulated and mechanical runs give the same records, so that a reader need not k
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,7 +18,7 @@ from kinetics.network import Network, Tank
 from kinetics.runs.truncation import Truncation
 from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, integers, read_only, real_number, reals, rising_times
-from kinetics.support.datasets import dataset
+from kinetics.support.datasets import dataframe, dataset
 from kinetics.support.frozen import set_fields
 from kinetics.support.packages import pd
 from kinetics.support.shown import (
@@ -219,7 +220,7 @@ class JumpPath(Shown, Tabular):
         happened = ["start", *(names[channel] for channel in self.channels), "end"]
         counts = np.vstack([self.states, self.states[-1:]])
         table = {"time": np.concatenate([[0.0], self.times, [self.end]]), "event": happened}
-        return pd.DataFrame(table | dict(zip(self.network.species, counts.T, strict=True)))
+        return dataframe(table | dict(zip(self.network.species, counts.T, strict=True)))
 
     @on_axes
     def plot(self, ax: Any) -> Any:
@@ -267,7 +268,7 @@ class Ensemble(Shown, Tabular):
     @property
     def runs(self) -> int:
         """Number of runs."""
-        return self.counts.shape[0]
+        return len(self.counts)
 
     @overload
     def __getitem__(self, what: str) -> Ints: ...
@@ -315,13 +316,13 @@ class Ensemble(Shown, Tabular):
 
     def mean(self) -> Floats:
         """Mean counts (T, S)."""
-        return self.counts.mean(axis=0)
+        return np.asarray(self.counts.mean(axis=0))
 
     def sd(self) -> Floats:
         """Standard deviation (T, S) among the runs, with runs - 1; nan for a single run."""
         if self.runs == 1:
             return np.full(self.counts.shape[1:], np.nan)
-        return self.counts.std(axis=0, ddof=1)
+        return np.asarray(self.counts.std(axis=0, ddof=1))
 
     def variance(self) -> Floats:
         """Variance (T, S) among the runs, with runs - 1; nan for a single run."""
@@ -329,7 +330,7 @@ class Ensemble(Shown, Tabular):
 
     def standard_error(self) -> Floats:
         """Standard error (T, S) of the mean; nan for a single run."""
-        return self.sd() / np.sqrt(self.runs)
+        return self.sd() / math.sqrt(self.runs)
 
     def covariance(self) -> Floats:
         """Covariances (T, S, S) of the species at each time, with runs - 1; nan for a single run."""
@@ -352,14 +353,14 @@ class Ensemble(Shown, Tabular):
         """Quantiles (T, S): the smallest counts with at least a share q of the runs at or below them."""
         if not 0 <= q <= 1:
             raise ValueError(f"q = {q}; expected a probability")
-        return np.quantile(self.counts.astype(float), q, axis=0, method="inverted_cdf")
+        return np.quantile(self.counts.astype(np.float64), q, axis=0, method="inverted_cdf")
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per run and time: run, time in tu, counts."""
         runs = np.repeat(np.arange(self.runs), self.times.size)
         table = {"run": runs, "time": np.tile(self.times, self.runs)}
         columns = self.counts.reshape(-1, len(self.network.species)).T
-        return pd.DataFrame(table | dict(zip(self.network.species, columns, strict=True)))
+        return dataframe(table | dict(zip(self.network.species, columns, strict=True)))
 
     def to_xarray(self) -> xr.Dataset:
         """The counts, with dimensions run, time and species."""

@@ -6,6 +6,7 @@ statistics of a set of runs do not depend on the blocks in which they came, on t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -20,7 +21,7 @@ from kinetics.runs.marginal import Marginal
 from kinetics.runs.truncation import Truncation
 from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, read_only, rising_times
-from kinetics.support.datasets import dataset
+from kinetics.support.datasets import dataframe_over_times, dataset
 from kinetics.support.intervals import binomial_limits
 from kinetics.support.memory import check_memory
 from kinetics.support.packages import pd
@@ -99,7 +100,7 @@ class EnsembleStatistics(Shown, Tabular):
 
     def mean(self) -> Floats:
         """Mean counts (T, S), rounded once."""
-        return (self.sums / self.runs).astype(float)
+        return np.asarray(self.sums / self.runs, dtype=np.float64)
 
     def variance(self) -> Floats:
         """Variance (T, S) among the runs, with runs - 1, rounded once; nan for a single run."""
@@ -111,7 +112,7 @@ class EnsembleStatistics(Shown, Tabular):
 
     def standard_error(self) -> Floats:
         """Standard error (T, S) of the mean; nan for a single run."""
-        return self.sd() / np.sqrt(self.runs)
+        return self.sd() / math.sqrt(self.runs)
 
     def covariance(self) -> Floats:
         """Covariances (T, S, S) of the species at each time, with runs - 1, rounded once; nan for a single run."""
@@ -140,7 +141,7 @@ class EnsembleStatistics(Shown, Tabular):
         n_used = int(((self.high >> self.shift) - self.origin).max()) + 1
         bins = self.origin + (self.histogram[:, :, :n_used].cumsum(axis=2) < rank).sum(axis=2)
         middle = (bins << self.shift) + ((1 << self.shift) - 1) // 2
-        return np.clip(middle, self.low, self.high).astype(float)
+        return np.asarray(np.clip(middle, self.low, self.high), dtype=np.float64)
 
     def quantile_error(self) -> Ints:
         """Largest error of a quantile, counts (T, S): 0 if bins are one count wide, else half their width."""
@@ -190,12 +191,10 @@ class EnsembleStatistics(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species."""
-        names = self.network.species
         figures = {"mean": self.mean(), "sd": self.sd(), "smallest": self.low, "largest": self.high}
         figures |= {f"q{q:g}": self.quantile(q) for q in QUANTILES}
         figures["quantile_error"] = self.quantile_error()
-        keys = {"time": np.repeat(self.times, len(names)), "species": list(names) * self.times.size}
-        return pd.DataFrame(keys | {name: values.ravel() for name, values in figures.items()})
+        return dataframe_over_times(self.times, "species", self.network.species, figures)
 
     def to_xarray(self) -> xr.Dataset:
         """The statistics, with dimensions time and species, and of the quantiles q."""
@@ -328,8 +327,9 @@ class Tally:
         if not self.runs:
             raise ValueError("no runs were added, so there are no statistics; add some first")
         arrays = self.low, self.high, self.shift, self.origin, self.histogram, self.sums, self.products, self.pairs
-        made = EnsembleStatistics(self.network, self.times, self.runs, asked, *map(read_only, arrays))
-        return replace(made, method=method)
+        for array in arrays:
+            read_only(array)
+        return EnsembleStatistics(self.network, self.times, self.runs, asked, *arrays, method)
 
 
 def bins_for(n_times: int, n_species: int) -> int:
@@ -343,7 +343,8 @@ def bins_for(n_times: int, n_species: int) -> int:
 def covariances_of(runs: int, sums: Exact, products: Exact, pairs: NDArray[np.intp]) -> Floats:
     """Covariances (T, K) of pairs (2, K) of species among the runs, with runs - 1, rounded once."""
     first, second = pairs
-    return ((runs * products - sums[:, first] * sums[:, second]) / (runs * (runs - 1))).astype(float)
+    whole = runs * products - sums[:, first] * sums[:, second]
+    return np.asarray(whole / (runs * (runs - 1)), dtype=np.float64)
 
 
 def kept_pairs(n_species: int, covariances: bool | None = None) -> NDArray[np.intp]:

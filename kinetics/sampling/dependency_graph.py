@@ -16,17 +16,16 @@ def updating_sampler(network: Network) -> BufferedSampler:
     """The network with its dependency graph, ready for `kernels.grouped`."""
     model = model_of(network)
     n_channels = len(network.channels)
-    n_blocks = -(-n_channels // kernels.grouped.BLOCK)
+    n_blocks = -(-n_channels // kernels.blocks.BLOCK)
 
     def begin(counts: Ints) -> kernels.grouped.GroupedWork:
         work = kernels.grouped.GroupedWork(np.empty(n_channels), np.empty(n_blocks), np.empty(n_blocks))
         kernels.grouped.start(model, work, counts)
         return work
 
-    def advance(work: kernels.grouped.GroupedWork, *rest: object) -> int:
-        return kernels.grouped.advance(model, work, *rest)
-
-    return BufferedSampler(begin, advance, np.arange(n_channels))
+    return BufferedSampler(
+        begin, lambda work, *rest: kernels.grouped.advance(model, work, *rest), np.arange(n_channels)
+    )
 
 
 def model_of(network: Network) -> kernels.grouped.GroupedModel:
@@ -34,10 +33,10 @@ def model_of(network: Network) -> kernels.grouped.GroupedModel:
     laws = mass_action(network)
     needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels, n_species = needed.shape
-    n_blocks = -(-n_channels // kernels.grouped.BLOCK)
+    n_blocks = -(-n_channels // kernels.blocks.BLOCK)
     readers = SparseTable.of_entries((n_species, n_channels), needed.columns, needed.rows, needed.copies)
     touched = SparseTable.of_entries(
-        (n_species, n_blocks), needed.columns, needed.rows // kernels.grouped.BLOCK, needed.copies
+        (n_species, n_blocks), needed.columns, needed.rows // kernels.blocks.BLOCK, needed.copies
     )
     pairs = [laws.first, laws.second, laws.less, laws.is_general, change.starts[:-1], change.starts[1:]]
     bounds = [readers.starts[:-1], readers.starts[1:], touched.starts[:-1], touched.starts[1:]]

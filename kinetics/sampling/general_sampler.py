@@ -67,7 +67,7 @@ class GeneralSampler(BufferedSampler):
 
     def _advance(self, work: kernels.general.GeneralWork, counts: Ints, seen: Ints, clock: Floats, *rest: Any) -> int:
 
-        outcome = kernels.general.advance(self.model, work, counts, seen, clock, *rest)
+        outcome: int = kernels.general.advance(self.model, work, counts, seen, clock, *rest)
         if outcome <= outcomes.OVERFLOW or outcome == outcomes.STOPPED:
             return outcome
         about, state, t = int(work.notes[1]), counts[:-1], float(clock[0])

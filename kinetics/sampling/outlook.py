@@ -48,7 +48,7 @@ class Outlook:
 
         padded = np.column_stack([counts, np.ones(len(counts))])
         with np.errstate(all="ignore"):
-            found = self.coefficients * np.maximum(padded[:, self.species] - self.taken, 0.0).prod(axis=2)
+            found: Floats = self.coefficients * np.maximum(padded[:, self.species] - self.taken, 0.0).prod(axis=2)
             for r, program in self.laws:
                 found[:, r] = self.network.ways[r] * self.network.known_rates[r] * evaluate(program, counts, time)  # type: ignore[arg-type]
         return found
@@ -75,7 +75,7 @@ class Outlook:
             return np.inf if scale > 0.0 else np.nan
 
         def slope(at: float, x: Floats) -> Floats:  # the clock in events at the rate of the start, so in plain numbers
-            return gains @ (self.rates(np.maximum(x[None], 0.0), time + at / scale)[0] / scale)
+            return np.asarray(gains @ (self.rates(np.maximum(x[None], 0.0), time + at / scale)[0] / scale))
 
         events = 0.0
         with np.errstate(all="ignore"):

@@ -50,22 +50,18 @@ class PartialPropensities(SamplingMethod):
             copies = np.zeros(2 * width)
             copies[: n_species + 1] = counts[model.species]
             copies[width:] = np.where(copies[:width] >= 2, copies[:width] - model.less, 0.0)
-            blocks = width // kernels.partial.BLOCK
             work = kernels.partial.PartialWork(
                 copies,
                 np.empty(width),
                 np.empty(width),
-                np.empty(blocks),
-                np.empty(blocks // kernels.partial.BLOCK),
+                np.empty(width // kernels.blocks.BLOCK),
+                np.empty(width // kernels.blocks.BLOCK**2),
                 np.zeros(1, dtype=np.int64),
             )
             kernels.partial.refresh(model, work)
             return work
 
-        def advance(work: kernels.partial.PartialWork, *rest: object) -> int:
-            return kernels.partial.advance(model, work, *rest)
-
-        return BufferedSampler(begin, advance, order)
+        return BufferedSampler(begin, lambda work, *rest: kernels.partial.advance(model, work, *rest), order)
 
 
 def model_of(network: Network) -> tuple[kernels.partial.PartialModel, Ints]:
@@ -84,7 +80,7 @@ def model_of(network: Network) -> tuple[kernels.partial.PartialModel, Ints]:
     owner = np.minimum(number[first[:, 0]], number[second[:, 0]])
     partner = np.maximum(number[first[:, 0]], number[second[:, 0]])
 
-    width = -(-(n_species + 1) // kernels.partial.BLOCK**2) * kernels.partial.BLOCK**2
+    width = -(-(n_species + 1) // kernels.blocks.BLOCK**2) * kernels.blocks.BLOCK**2
     couplings = np.zeros((n_species, width))
     np.add.at(couplings, (partner[is_pair], owner[is_pair]), coefficients[is_pair])
     is_coupled = couplings != 0

@@ -84,10 +84,7 @@ class CompositionRejection(SamplingMethod):
             kernels.rejection.start(model, work, counts)
             return work
 
-        def advance(work: kernels.rejection.RejectionWork, *rest: object) -> int:
-            return kernels.rejection.advance(model, work, *rest)
-
-        return BufferedSampler(begin, advance, order)
+        return BufferedSampler(begin, lambda work, *rest: kernels.rejection.advance(model, work, *rest), order)
 
 
 def model_of(network: Network) -> tuple[kernels.rejection.RejectionModel, Ints]:

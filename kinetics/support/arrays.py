@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from operator import index
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+Array = TypeVar("Array", bound=NDArray[Any])
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -83,10 +85,17 @@ def real_number(name: str, value: float) -> float:
     return float(value)
 
 
-def read_only(array: Any) -> Any:
+def read_only(array: Array) -> Array:
     """The array itself, made read-only."""
     array.setflags(write=False)
     return array
+
+
+def divided(numbers: ArrayLike, by: ArrayLike, otherwise: float = 0.0) -> Floats:
+    """`numbers` over `by` where that is above 0, else `otherwise`; shapes are broadcast."""
+    found = np.full(np.broadcast_shapes(np.shape(numbers), np.shape(by)), otherwise)
+    np.divide(numbers, by, out=found, where=np.greater(by, 0))
+    return found
 
 
 def _numeric(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[Any]:

@@ -102,7 +102,8 @@ class Independent:
     def log_ratio(self, counts: Ints) -> Floats:
         """Logarithm (size,) of the ratio of its probability to the null's."""
         parts = np.split(counts, self.ends[:-1], axis=1)
-        return np.sum([table.log_ratio(part) for table, part in zip(self.tables, parts, strict=True)], axis=0)
+        ratios = [table.log_ratio(part) for table, part in zip(self.tables, parts, strict=True)]
+        return np.asarray(np.sum(ratios, axis=0))
 
 
 def spread_test(

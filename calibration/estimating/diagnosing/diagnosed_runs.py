@@ -103,7 +103,7 @@ class DiagnosedRuns:
     @cached_property
     def exposure(self) -> Floats:
         """(R,) integrated hazard of each channel in all runs, up to a factor a channel."""
-        return np.sum([c.passed.sum(axis=0) for c in self.clocked], axis=0)
+        return np.asarray(np.sum([c.passed.sum(axis=0) for c in self.clocked], axis=0))
 
     def random(self, *keys: object) -> np.random.Generator:
         """Random numbers of their own for each test and channel."""
@@ -119,7 +119,7 @@ class DiagnosedRuns:
         if len(self.network.conserved) == 1:
             (weights,) = self.network.conserved.values()
             return states @ weights
-        return states.sum(axis=1).astype(float)
+        return np.asarray(states.sum(axis=1), dtype=np.float64)
 
     @property
     def matter(self) -> str:

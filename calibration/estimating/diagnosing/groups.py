@@ -50,7 +50,7 @@ class GroupRates:
 
     @property
     def _expected(self) -> Floats:
-        return self.exposure * self.events.sum() / self.exposure.sum()
+        return self.exposure * float(self.events.sum()) / float(self.exposure.sum())
 
     def intervals(self, level: float = 0.95) -> tuple[Floats, Floats]:
         """Exact limits (G,) of the rates, the pooled rate being taken as known."""

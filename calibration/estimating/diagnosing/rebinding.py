@@ -14,7 +14,7 @@ from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
 from calibration.estimating.diagnosing.diagnosed_runs import Clocked, DiagnosedRuns
 from kinetics.network import Network
 from kinetics.runs import RESTART
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, divided
 from kinetics.support.intervals import exact_limits
 from kinetics.support.packages import stats
 from kinetics.support.tables import in_unit
@@ -210,7 +210,7 @@ def _by_pieces(diagnosed: DiagnosedRuns, pair: Undoing, window: float) -> Within
     for clocked, bonds in zip(diagnosed.clocked, diagnosed.bonds or (), strict=True):
         path, cubes = clocked.path, np.sort(bonds, axis=1)
         pairs = path.network.combinations_of(path.states)[:, pair.join]
-        of_one = np.divide(clocked.level[:, pair.join], pairs, out=np.zeros(pairs.size), where=pairs > 0)
+        of_one = divided(clocked.level[:, pair.join], pairs)
         lasting = clocked._replace(level=np.where(np.arange(clocked.level.shape[1]) == pair.join, of_one[:, None], 0.0))
         broken = np.flatnonzero(np.isin(path.channels, pair.breaks) & (cubes[:, 0] >= 0))
         breaks += broken.size

@@ -10,7 +10,7 @@ import numpy as np
 from calibration import plots
 from calibration.estimating.diagnosing.conditional import spacing_test
 from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, divided
 from kinetics.support.packages import stats
 from kinetics.support.shown import on_axes
 
@@ -42,7 +42,7 @@ class WaitingTimes:
     @property
     def residuals(self) -> Floats:
         """Waits (n,) in units of their mean, which are unit exponential if the hazard is right."""
-        return np.diff(self.positions, prepend=0.0) * self.positions.size / self.positions[-1]
+        return np.diff(self.positions, prepend=0.0) * self.positions.size / float(self.positions[-1])
 
     def untestable(self, fewest: int) -> str:
         """Why there is nothing to test; empty if there are enough events, and hazard before them."""
@@ -88,9 +88,7 @@ def waiting_times(diagnosed: DiagnosedRuns, channel: int | None = None) -> Waiti
 
     The clock of any event is the sum of all hazards, each with as many events expected as were seen.
     """
-    scale = np.divide(
-        diagnosed.events, diagnosed.exposure, out=np.zeros(diagnosed.exposure.size), where=diagnosed.exposure > 0
-    )
+    scale = divided(diagnosed.events, diagnosed.exposure)
     positions, total = [], 0.0
     for clocked in diagnosed.clocked:
         passed = clocked.passed @ scale if channel is None else clocked.passed[:, channel]

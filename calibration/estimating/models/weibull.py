@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.estimating.rate_model import RateModel, ShapeParameter
+from calibration.estimating.rate_model import RateModel
+from kinetics.rates.breaks import ShapeParameter
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 

@@ -43,7 +43,7 @@ class Clauses:
     def letters(self) -> np.ndarray:
         """The letter of each cell."""
         first = np.array(self.cells, np.int64)
-        return np.argmax(self.true[first[:, None] + 2 * np.arange(self.n_letters)], axis=1)
+        return np.asarray(self.true[first[:, None] + 2 * np.arange(self.n_letters)].argmax(axis=1))
 
     def literal(self) -> int:
         """A new one."""

@@ -217,7 +217,7 @@ class _Contacts:
             ]
             for s in self.own.seen
         ]
-        return np.array(good)[self.own.rows[self.first, 3], self.other.rows[self.second, 3]]
+        return np.asarray(np.array(good)[self.own.rows[self.first, 3], self.other.rows[self.second, 3]])
 
     def rows(self, chosen: np.ndarray) -> list[Met]:
         """Some of the rows, those once in which both sides read the same."""
@@ -245,7 +245,8 @@ class _Contacts:
     @cached_property
     def _rolls(self) -> IntArray:
         (_, i, direction, _), (turn, j, _, _) = self.own.rows[self.first].T, self.other.rows[self.second].T
-        return _rolls(self.dockings.faces)[0][self.own.rotations[0, i], direction, self.other.rotations[turn, j]]
+        table, _ = _rolls(self.dockings.faces)
+        return np.asarray(table[self.own.rotations[0, i], direction, self.other.rotations[turn, j]])
 
     @cached_property
     def _touched(self) -> list[tuple[list[tuple[int, ...]], IntArray]]:
@@ -273,7 +274,7 @@ def _together(cube: IntArray, other: IntArray, part: Part) -> tuple[list[tuple[i
 def _code(turn: IntArray, move: IntArray) -> IntArray:
     """A number for a turn and a translation (..., 3)."""
     x, y, z = np.moveaxis(move + SPAN // 2, -1, 0)
-    return ((turn * SPAN + x) * SPAN + y) * SPAN + z
+    return np.asarray(((turn * SPAN + x) * SPAN + y) * SPAN + z)
 
 
 @cache

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinetics.assembly.compiler.orientation import MOST
 from kinetics.assembly.faces import ROTATIONS, IntArray, compose, scheme_of
@@ -70,9 +71,9 @@ class Parts:
         number = self.numbers.get(structure.canonical(self.scheme))
         return None if number is None else (number, structure.canonical_cubes(self.scheme))
 
-    def may_be_known(self, positions: IntArray, rotations: IntArray) -> np.ndarray:
+    def may_be_known(self, positions: IntArray, rotations: IntArray) -> NDArray[np.bool_]:
         """Which of many sets of cubes (sets, n, 3) and (sets, n) may be parts; those that may not, are none."""
-        fits = (np.ptp(positions, axis=1) < MOST).all(axis=1)
+        fits = np.asarray((np.ptp(positions, axis=1) < MOST).all(axis=1))
         fits[fits] = np.isin(self._sum(positions[fits], rotations[fits]), self._sums)
         return fits
 
@@ -86,7 +87,7 @@ class Parts:
 
     def _sum(self, places: IntArray, rotations: IntArray) -> IntArray:
         x, y, z = (places - places.min(axis=1, keepdims=True)).transpose(2, 0, 1)
-        return _DRAWN[x, y, z, self.seen[rotations]].sum(axis=1)
+        return np.asarray(_DRAWN[x, y, z, self.seen[rotations]].sum(axis=1))
 
 
 def pieces_of(whole: Structure, scheme: str, tick: Callable[[], None] = lambda: None) -> set[Structure]:

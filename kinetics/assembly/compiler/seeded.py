@@ -13,8 +13,9 @@ from itertools import combinations
 import numpy as np
 
 from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
-from kinetics.assembly.compiler.growth_orders import AXES, minus, planned_order, roots
+from kinetics.assembly.compiler.growth_orders import minus, planned_order, roots
 from kinetics.assembly.compiler.merging import letter_name, named, reduced, tables_of
+from kinetics.assembly.compiler.orientation import AXES
 from kinetics.assembly.compiler.result import Compiled, Notify, UndecidedError, sensing
 from kinetics.assembly.compiler.spanning import distances, spanning_tree
 from kinetics.assembly.compiler.tables import FREE, rules_of

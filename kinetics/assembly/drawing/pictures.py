@@ -328,7 +328,7 @@ def _is_hidden(points: Floats, places: Floats, towards: Floats) -> NDArray[np.bo
         np.maximum(enters, middle - 0.5 / abs(along), out=enters)
         np.minimum(leaves, middle + 0.5 / abs(along), out=leaves)
     covers: NDArray[np.bool_] = (leaves > enters + 1e-9) & (leaves > 1e-9)
-    return np.any(covers, axis=1)
+    return np.asarray(covers.any(axis=1))
 
 
 @lru_cache(maxsize=256)

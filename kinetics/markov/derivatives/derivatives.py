@@ -52,7 +52,7 @@ class Derivatives(Shown):
     @property
     def elasticity(self) -> Floats:
         """Relative change (P,) of the answer per relative change of each parameter; nan where the answer is 0."""
-        return self._over(self.value, self.answer.value)
+        return self._over(np.full(self.value.size, self.answer.value))
 
     @property
     def elasticity_bounds(self) -> tuple[Floats, Floats]:
@@ -68,10 +68,10 @@ class Derivatives(Shown):
     def by_constant(self) -> Floats:
         """Derivatives (P,) by the parameters themselves; nan where these are 0 or not known."""
         constants = np.zeros(self.value.size) if self.constants is None else self.constants
-        return np.array([self._over(each, k) for each, k in zip(self.value, constants, strict=True)]).reshape(-1)
+        return self._over(constants)
 
-    def _over(self, values: Any, by: float) -> Any:
-        return values / by if by else np.full_like(values, np.nan)
+    def _over(self, by: Floats) -> Floats:
+        return self.value / np.where(by == 0.0, np.nan, by)
 
     def to_dict(self) -> dict[str, Any]:
         """All of it; arrays are (P,)."""

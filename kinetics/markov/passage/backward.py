@@ -248,4 +248,4 @@ def weights_errors(mean: float, first: int, size: int) -> Floats:
     Those of the ratios away from the mode, of their sum, and of the mean itself, which counts n - mean times.
     """
     away = np.abs(np.arange(first, first + size) - int(mean))
-    return ROUNDOFF * (3.0 * away + 2.0 * mean**0.5 + 60.0 + float(np.log2(size)))
+    return ROUNDOFF * (3.0 * away + 2.0 * float(mean**0.5) + 60.0 + float(np.log2(size)))

@@ -155,7 +155,7 @@ class SparseFactors(Equations):
     def _by_factors(self, weights: Floats, is_occupation: bool) -> Floats:
         if self._factors is None:
             return np.full(weights.size, np.inf)
-        return self._factors.solve(weights, trans="T" if is_occupation else "N")
+        return np.asarray(self._factors.solve(weights, trans="T" if is_occupation else "N"))
 
     def at_most(self, weights: Floats, like: Floats, is_occupation: bool = False) -> Floats:
         """Upper bounds (n,) on the solution for weights of at least 0: a solution, and what it leaves.

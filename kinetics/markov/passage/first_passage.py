@@ -17,6 +17,7 @@ from kinetics.markov.transient.transitions import Transitions
 from kinetics.support import plots
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Floats, reals
+from kinetics.support.datasets import dataframe
 from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 from kinetics.support.tables import counted, figure, in_unit
@@ -224,7 +225,7 @@ class Passage(Shown, Tabular):
         """The distribution function up to 99 % of those that arrive: time, probability, and its bounds low and high."""
         times = self._drawn_at
         low, high = self.cdf_bounds(times)
-        return pd.DataFrame({"time": times, "probability": self.cdf(times), "low": low, "high": high})
+        return dataframe({"time": times, "probability": self.cdf(times), "low": low, "high": high})
 
     @on_axes
     def plot(self, ax: Any) -> Any:

@@ -172,7 +172,7 @@ class Iteration(Equations):
 
     def _units(self, like: Floats) -> Floats:
         """The probability flow (n,) through each state, the scale of its residual."""
-        return self._exits * np.maximum(like, FLOOR * like.max(initial=0.0))
+        return np.asarray(self._exits * np.maximum(like, FLOOR * like.max(initial=0.0)))
 
     def _rest(self, weights: Floats, found: Floats, is_occupation: bool) -> Floats:
         """The residual of a solution, in plain doubles."""

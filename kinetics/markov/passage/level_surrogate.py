@@ -64,6 +64,6 @@ class LevelChances:
         """Chances (n,) at levels (n,) and clocks (n,), tu."""
         bins = self.bins.of(levels)
         place = np.clip((self.end - clocks) / self.end, 0.0, 1.0) * STEPS
-        below = np.minimum(place.astype(np.int64), STEPS - 1)
+        below: Ints = np.minimum(place.astype(np.int64), STEPS - 1)
         share = place - below
         return (1.0 - share) * self.chances[below, bins] + share * self.chances[below + 1, bins]

@@ -20,6 +20,7 @@ from kinetics.markov.transient.transitions import totals
 from kinetics.support import plots
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Counts, Floats, read_only
+from kinetics.support.datasets import dataframe
 from kinetics.support.packages import pd, sparse
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 
@@ -115,7 +116,7 @@ class Stationary(Shown, Tabular):
             "species": np.repeat(list(shares), [share.size for share in shares.values()]),
             "copies": np.concatenate([np.arange(share.size) for share in shares.values()]),
         }
-        return pd.DataFrame(keys | {"probability": np.concatenate(list(shares.values()))})
+        return dataframe(keys | {"probability": np.concatenate(list(shares.values()))})
 
     @on_axes
     def plot(self, ax: Any, species: str | None = None) -> Any:
@@ -259,7 +260,7 @@ def _guessed(chain: Transitions) -> Floats:
     table.sum_duplicates()
     logs = np.empty(chain.size)
     kernels.balance.balanced(table.indptr, table.indices, table.data, chain.exits, logs)
-    return np.exp(np.maximum(logs - logs.max(), LOWEST))
+    return np.exp(np.maximum(logs - float(logs.max()), LOWEST))
 
 
 def _by_factors(chain: Transitions) -> tuple[Floats, float]:

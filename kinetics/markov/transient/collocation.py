@@ -250,7 +250,7 @@ class Steps:
 
 def _opening(bound: float, degree: int) -> float:
     """(r + 1 / r) / 2 where bound = r**-degree: how far beyond [-1, 1] a function is smooth, by Bernstein's ellipse."""
-    radius = min(max(bound, 1e-300), 1.0) ** (-1.0 / degree)
+    radius: float = min(max(bound, 1e-300), 1.0) ** (-1.0 / degree)
     return (radius + 1.0 / radius) / 2.0
 
 

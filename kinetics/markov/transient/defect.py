@@ -125,7 +125,7 @@ def exit_rates(entries: Entries, n: int) -> Floats:
 
 def integrals_of(size: int) -> Floats:
     """Bounds (size,) on the integral of |P_k| over [-1, 1], 2 / sqrt(2 k + 1) by Cauchy & Schwarz."""
-    return 2.0 / np.sqrt(2.0 * np.arange(size) + 1.0)
+    return np.asarray(2.0 / np.sqrt(2.0 * np.arange(size) + 1.0))
 
 
 def value_at(coefficients: Floats, place: Fraction) -> tuple[Floats, float]:

@@ -11,7 +11,7 @@ from kinetics.markov.transient.states import StateSpace
 from kinetics.network import Network
 from kinetics.support import plots
 from kinetics.support.arrays import Counts, Floats, read_only
-from kinetics.support.datasets import dataset
+from kinetics.support.datasets import dataframe_over_times, dataset
 from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, means_over_time, on_axes
 
@@ -88,7 +88,7 @@ class Distribution(Shown, Tabular):
         """Standard deviations (T, S) of the counts."""
         columns = zip(self.space.states.T, self.mean().T, strict=True)
         # About the mean: the difference of two large squares would lose the small variances.
-        variances = [((x - mean[:, None]) ** 2 * self.probabilities).sum(axis=1) for x, mean in columns]
+        variances: list[Floats] = [((x - mean[:, None]) ** 2 * self.probabilities).sum(axis=1) for x, mean in columns]
         return np.sqrt(np.stack(variances, axis=1))
 
     def covariance(self) -> Floats:
@@ -114,7 +114,7 @@ class Distribution(Shown, Tabular):
         >>> found.probability({"A": 1}).round(6).tolist(), found.probability([1, 0]).round(6).tolist()
         ([0.5], [0.0])
         """
-        return self.probabilities[:, self.space.rows_with(state)].sum(axis=1)
+        return np.asarray(self.probabilities[:, self.space.rows_with(state)].sum(axis=1))
 
     def probability_bounds(self, state: Counts) -> tuple[Floats, Floats]:
         """Lower and upper bounds of the probability (T,) of these counts, as `probability` reads them."""
@@ -131,19 +131,12 @@ class Distribution(Shown, Tabular):
         for species in self.network.species:
             below = np.cumsum(self.marginal(species), axis=1)
             columns.append((below < q - self.error - SLACK).sum(axis=1))
-        return np.minimum(np.stack(columns, axis=1), self.space.states.max(axis=0)).astype(float)
+        return np.asarray(np.minimum(np.stack(columns, axis=1), self.space.states.max(axis=0)), dtype=np.float64)
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species: mean and standard deviation of the counts."""
-        names = self.network.species
-        return pd.DataFrame(
-            {
-                "time": np.repeat(self.times, len(names)),
-                "species": list(names) * self.times.size,
-                "mean": self.mean().ravel(),
-                "sd": self.sd().ravel(),
-            }
-        )
+        figures = {"mean": self.mean(), "sd": self.sd()}
+        return dataframe_over_times(self.times, "species", self.network.species, figures)
 
     def to_xarray(self) -> xr.Dataset:
         """Mean, its bounds, and sd, with dimensions time and species; the probability of each number of copies."""

@@ -49,5 +49,5 @@ def window_error(mean: float, first: int, weights: Floats, tolerance: float) -> 
     mean itself may be wrong by one rounding, which moves the distribution by the square root of the mean at most.
     """
     away = np.abs(np.arange(first, first + weights.size) - int(mean))
-    rounding = 2.0 * float(away @ weights) + 2.0 * mean**0.5 + 2.0 * float(np.log2(weights.size)) + 40.0
+    rounding = 2.0 * float(away @ weights) + 2.0 * float(mean**0.5) + 2.0 * float(np.log2(weights.size)) + 40.0
     return 2.0 * tolerance + ROUNDOFF * rounding

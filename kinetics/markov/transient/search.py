@@ -274,7 +274,7 @@ def key_multipliers(n_species: int) -> NDArray[np.uint64]:
 
 def keys_of(states: Ints, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """Keys (...) of states (..., S): a product that wraps around at 2**64."""
-    return (states.astype(np.uint64) * multipliers).sum(axis=-1, dtype=np.uint64)
+    return np.asarray((states.astype(np.uint64) * multipliers).sum(axis=-1, dtype=np.uint64))
 
 
 def key_changes_of(changes: SparseTable, multipliers: NDArray[np.uint64]) -> NDArray[np.uint64]:

@@ -25,6 +25,7 @@ from kinetics.support import plots
 from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import whole_number
 from kinetics.support.cli.progress import stage
+from kinetics.support.datasets import dataframe
 from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 from kinetics.support.tables import text_table
@@ -189,7 +190,7 @@ class Ranking(Shown, Tabular):
             for book in self.as_dict()["books"]
             for name in ("yield", "first", "reached")
         ]
-        return pd.DataFrame(rows)
+        return dataframe(rows)
 
     @on_axes
     def plot(self, ax: Any) -> Any:

@@ -15,7 +15,7 @@ from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient import Transient
 from kinetics.markov.transient.uniformisation import STEP_SECONDS
 from kinetics.network import Model, Network
-from kinetics.network.laws.expression import quoted
+from kinetics.network.laws.writing import quoted
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
 from kinetics.support.answer import CONFIDENCE, Answer, kind_of

@@ -12,7 +12,7 @@ import numpy as np
 from kinetics.predicting.scanning.pictures import draw_scan, size_of
 from kinetics.support.answer import CONFIDENCE, ESTIMATE, NONE, PROVEN, Answer
 from kinetics.support.arrays import Floats
-from kinetics.support.datasets import dataset
+from kinetics.support.datasets import dataframe, dataset
 from kinetics.support.packages import pd, plt
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import counted, of_unit
@@ -136,7 +136,7 @@ class Scan(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row a point and question that was answered."""
-        return pd.DataFrame(self.rows, columns=[*self.over, "question", *Answer.__dataclass_fields__])
+        return dataframe(self.rows, columns=[*self.over, "question", *Answer.__dataclass_fields__])
 
     def to_xarray(self) -> xr.Dataset:
         """A Dataset with a dimension for each scanned name and one for the question; nan where not made."""

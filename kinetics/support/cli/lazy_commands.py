@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterator, Mapping
 from itertools import islice
+from typing import Any
 
 import click
 
@@ -23,9 +24,12 @@ class LazyCommand(click.Command):
     def load(self) -> click.Command:
         """Import the real command."""
         module, attribute = self.source
-        return getattr(importlib.import_module(module), attribute)
+        command: click.Command = getattr(importlib.import_module(module), attribute)
+        return command
 
-    def make_context(self, info_name, args, parent=None, **extra):
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
         """Hand over to the real command, with what a file of options says of it."""
         real = self.load()
         if not extra.get("resilient_parsing"):  # a shell that completes

@@ -15,6 +15,7 @@ from kinetics.markov.transient import Distribution, Transient
 from kinetics.network import Model, Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.support.arrays import Counts, rising_times
+from kinetics.support.datasets import dataframe
 from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import text_table
@@ -145,7 +146,7 @@ class Diagram(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per point."""
-        return pd.DataFrame(self.rows())
+        return dataframe(self.rows())
 
     @property
     def headline(self) -> str:

@@ -63,7 +63,7 @@ class Marginals:
     @property
     def top(self) -> int:
         """Largest count of any species."""
-        return max(table.shape[1] for table in self.tables) - 1
+        return max(len(table.T) for table in self.tables) - 1
 
 
 @dataclass(frozen=True)

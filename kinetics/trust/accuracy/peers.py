@@ -52,7 +52,7 @@ def rate_equation(network: Network, initial: ArrayLike, times: ArrayLike) -> Flo
     needed, changes = network.reactants, network.stoichiometry
 
     def slope(_: float, x: Floats) -> Floats:
-        return (coefficients * np.prod(x**needed, axis=1)) @ changes
+        return np.asarray((coefficients * np.prod(x**needed, axis=1)) @ changes)
 
     absolute = TOLERANCE * max(1.0, float(start.max()))
     solved = integrate.solve_ivp(

@@ -18,7 +18,7 @@ from kinetics.trust.hardcases.case import Attempt, Case, attempt, departure, net
 
 
 def _first(n: int) -> Ints:
-    return np.eye(1, n + 1, dtype=int)[0]
+    return np.eye(1, n + 1, dtype=np.int64)[0, :]
 
 
 def _at_least(index: int, copies: int) -> Condition:
@@ -26,7 +26,7 @@ def _at_least(index: int, copies: int) -> Condition:
 
 
 def _none(states: Ints) -> np.ndarray:
-    return states[:, 0] == 0
+    return np.equal(states[:, 0], 0)
 
 
 def _copies(states: Ints) -> Floats:

@@ -37,7 +37,9 @@ def _grids() -> Iterator[Attempt]:
 def _large_counts() -> Iterator[Attempt]:
     def off(counts: Ints, start: int) -> float:
         # 50 Poisson numbers of mean 20: their mean is 20 +- 4 except for a chance of 1e-9
-        return float(abs(counts[:, 0].sum(axis=1) - start).max()) + max(0.0, abs(counts[:, 0, 1].mean() - 20.0) - 4.0)
+        return float(abs(counts[:, 0].sum(axis=1) - start).max()) + max(
+            0.0, abs(float(counts[:, 0, 1].mean()) - 20.0) - 4.0
+        )
 
     def missed(net: Network, start: int) -> float:
         probabilities = FiniteStateProjection(1e-12).solve(net, [start, 0], [1.0]).marginal("Y")[0]

@@ -60,7 +60,7 @@ class Reference:
     @property
     def start(self) -> Ints:
         """The initial counts (S,)."""
-        return self.solution.space.states[0]
+        return self.solution.space.states[0, :]
 
     @property
     def error(self) -> float:
@@ -86,7 +86,7 @@ class Reference:
     @cached_property
     def tops(self) -> Floats:
         """Largest count (S,) of each species, at least 1."""
-        return np.maximum(self.states.max(axis=0), 1.0)
+        return np.asarray(self.states.max(axis=0, initial=1.0))
 
     @cached_property
     def gaps(self) -> Floats:

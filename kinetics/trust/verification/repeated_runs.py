@@ -61,7 +61,7 @@ def _within(where: str, labels: NDArray[np.intp], p: float) -> Iterator[SamplerF
 def disjoint(n: int, lag: int, colour: int = 0) -> NDArray[np.intp]:
     """The i of pairs (i, i + lag) below n of which no two share a member; colours 0 and 1 give all pairs."""
     i = np.arange(n - lag)
-    return i[(i // lag) % 2 == colour]
+    return i[np.equal(i // lag % 2, colour)]
 
 
 def _pairs(what: str, a: NDArray[np.intp], b: NDArray[np.intp], p: float) -> SamplerFinding:
