@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def dataframe(table: Any, columns: Sequence[str] | None = None) -> pd.DataFrame:
+def dataframe(table: Any, columns: list[str] | None = None) -> pd.DataFrame:
     """A DataFrame of columns, name -> values, or of a sequence of rows."""
     return pd.DataFrame(table, columns=columns)
 
