@@ -183,9 +183,9 @@ RUNS = "Interrupted: finished runs are kept in {}; the same command makes only t
     [
         (PREDICT, "kinetics.commands.predict.described", NOTHING),
         (["rules", "derive", "line4"], "kinetics.assembly.deriving.derive.explore", NOTHING),
-        (SIMULATE, "mechsim.runs.ensemble.run_all", RUNS.format("runs")),
-        ([*SIMULATE, "--runs-folder", "mine"], "mechsim.runs.ensemble.run_all", RUNS.format("mine")),
-        (["study", "first-times", "number"], "mechsim.runs.ensemble.run_all", RUNS.format("runs")),
+        (SIMULATE, "mechsim.runs.ensemble._Driver.run", RUNS.format("runs")),
+        ([*SIMULATE, "--runs-folder", "mine"], "mechsim.runs.ensemble._Driver.run", RUNS.format("mine")),
+        (["study", "first-times", "number"], "mechsim.runs.ensemble._Driver.run", RUNS.format("runs")),
         (["calibrate", "line4", "--out", "r.toml"], "mechsim.runs.ensemble._Driver.run", RUNS.format("runs")),
         (["validate", "line4", "--rates", "table3"], "mechsim.runs.ensemble._Driver.run", RUNS.format("runs")),
         (["demo", "--folder", "here"], "mechsim.runs.ensemble._Driver.run", RUNS.format("here/runs")),

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import ast
 import json
 import re
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -53,12 +53,8 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 
 def public_names(package: str) -> list[str]:
-    """`__all__` of a package, read without importing it, but for its version and its plain values."""
-    tree = ast.parse((ROOT / package.replace(".", "/") / "__init__.py").read_text(encoding="utf-8"))
-    (listed,) = [
-        node.value for node in tree.body if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
-    ]
-    return [name for name in ast.literal_eval(listed) if not name.startswith("__")]
+    """The public names of a package, but for its version."""
+    return [name for name in import_module(package).__all__ if not name.startswith("__")]
 
 
 def reference(package: str, text: str) -> str:

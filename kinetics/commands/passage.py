@@ -10,7 +10,13 @@ import click
 import numpy as np
 
 from kinetics.commands.models import applied, conditions, described, instead_of_many_states, remarks
+from kinetics.markov.network_questions import chain_to
+from kinetics.network.laws.writing import quoted
 from kinetics.network.sums import Counted, in_words, summed
+from kinetics.predicting import predict_passage
+from kinetics.runs import TruncatedRunsError
+from kinetics.sampling import simulate
+from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.answer import CONFIDENCE, Answer, kind_of
 from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import (
@@ -109,9 +115,6 @@ def passage(
     ssa the time is sampled at these rate constants, and the intervals reflect the number of runs only. For a network
     with too many states, --truncate gives bounds.
     """
-    from kinetics.markov.network_questions import chain_to
-    from kinetics.predicting import predict_passage
-
     began = time.process_time()
     model, rates = given = described(asked)
     counted = model.counted(species)
@@ -249,11 +252,6 @@ def _sample(
     as_json: bool,
 ) -> None:
     """First times of runs that end with the passage, at the posterior mean of each rate constant."""
-    from kinetics.network.laws.writing import quoted
-    from kinetics.runs import TruncatedRunsError
-    from kinetics.sampling import simulate
-    from kinetics.sampling.watch import MAX_EVENTS
-
     began = time.process_time()
     (runs, seed, horizon), unit = numbers, given[0].network.time_unit
     model = replace(applied(*given), observables={species: given[0].counted(species)})

@@ -12,6 +12,8 @@ from click.core import ParameterSource
 
 from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.models import conditions, described, instead_of_many_states, remarks, shown_of
+from kinetics.predicting import AskedAccuracy
+from kinetics.predicting import predict as make
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.cli.declared import count_option, default_option, files_option
 from kinetics.support.cli.failures import INTERRUPTED, STOPPED
@@ -143,8 +145,6 @@ def predict(
     A run that would not end, because counts grow without bound or events come too fast, is truncated; results are given
     for the times before, with a note. Exit code 4: there are fewer times than requested.
     """
-    from kinetics.predicting import predict as make
-
     is_default = click.get_current_context().get_parameter_source("budget") is ParameterSource.DEFAULT
     asked_for = _accuracy(accuracy, accuracy_of, None if is_default else 60 * budget)
     model, rates = given = described(asked)
@@ -209,7 +209,6 @@ def _accuracy(size: str | None, of: str, budget: float | None) -> AskedAccuracy 
         if of != "mean":
             raise ValueError(f"--accuracy-of {of}, but no --accuracy; state it, as in --accuracy 1%")
         return None
-    from kinetics.predicting import AskedAccuracy
 
     return AskedAccuracy.of_text(size, of) if budget is None else AskedAccuracy.of_text(size, of, budget)
 

@@ -5,6 +5,11 @@ from __future__ import annotations
 import click
 
 from kinetics.commands.models import applied, conditions, described, is_network_file, remarks
+from kinetics.predicting.scanning import read_values
+from kinetics.predicting.scanning import scan as make
+from kinetics.predicting.scanning.answering import tell_questions
+from kinetics.predicting.scanning.pictures import draw_scan, size_of
+from kinetics.support import plots
 from kinetics.support.cli.declared import count_option, default_option, files_option
 from kinetics.support.cli.failures import CHECKED, INTERRUPTED, keep
 from kinetics.support.cli.options import (
@@ -99,10 +104,6 @@ def scan(
     are answered: after Ctrl-C, or with a larger grid, the same command answers only those that are missing. Exit code
     1: a question has no answer at some points, for which the table says why.
     """
-    from kinetics.predicting.scanning import read_values
-    from kinetics.predicting.scanning import scan as make
-    from kinetics.predicting.scanning.answering import tell_questions
-
     over = {}
     for text in ranges:
         name, values = read_values(text)
@@ -136,9 +137,6 @@ def scan(
     for parquet_file in parquet_files:
         write_whole(parquet_file, made.to_dataframe().to_parquet(index=False))
     for plot_file in plot_files:
-        from kinetics.predicting.scanning.pictures import draw_scan, size_of
-        from kinetics.support import plots
-
         plots.save_figure(plot_file, lambda figure: draw_scan(figure, made), size_of(made))
     if as_json:
         echo_json(

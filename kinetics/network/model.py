@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
@@ -164,8 +165,6 @@ class Model:
     @property
     def digest(self) -> str:
         """SHA-256 of all that decides what the model does."""
-        import hashlib
-
         network = self.network
         content = [
             network.fingerprint,

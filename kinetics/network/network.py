@@ -29,6 +29,7 @@ from kinetics.network.fingerprint import fingerprint
 from kinetics.network.laws.on_demand import channel_laws, checked_events, checked_laws, split_rates
 from kinetics.network.parameters import Parameters
 from kinetics.network.propensity import AT_ZERO, COMBINATIONS, mass_action
+from kinetics.network.reaction_text import read_reactions
 from kinetics.network.reactions import Reaction, reaction_tables
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints, integers, reals
@@ -141,8 +142,6 @@ class Network(Shown):
         >>> network.with_parameters(k1=2e-3).rate_constants.tolist()
         [0.002, 0.1]
         """
-        from kinetics.network.reaction_text import read_reactions
-
         read = read_reactions(text, parameters)
         read.check_counts()
         return network_of(read)

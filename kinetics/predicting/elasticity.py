@@ -13,6 +13,7 @@ from kinetics.markov import Chain, Sensitivity, sensitivity_to
 from kinetics.network import Model, Network
 from kinetics.predicting.over_draws import DrawMeans
 from kinetics.rates import BookRates, Rates, RatesPosterior
+from kinetics.support import plots
 from kinetics.support.arrays import Counts, Floats, divided, rising_times
 from kinetics.support.intervals import student_quantile
 from kinetics.support.shown import ResultTable, Shown, on_axes
@@ -115,8 +116,6 @@ class Elasticities(Shown):
     @on_axes
     def plot(self, ax: Any, names: tuple[str, ...]) -> Any:
         """Bars with intervals for the last time, one colour for each of the S names of the last axis; returns `ax`."""
-        from kinetics.support import plots
-
         values, low, high = (
             each.reshape(len(each), -1, len(names))[:, -1] for each in (self.value, self.low, self.high)
         )
@@ -153,7 +152,6 @@ def count_elasticities(
     >>> count_elasticities(decay, rates, {"A": 10}, [5.0]).value.round(6).tolist()  # -k t
     [[[-0.5]]]
     """
-
     given = Model.of(model, initial)
 
     def solved(network: Network) -> Gradients:
@@ -194,7 +192,6 @@ def passage_elasticities(
     >>> found.value.round(9).tolist(), found.share.round(9).tolist()
     ([[-1.0]], [[1.0]])
     """
-
     given = Model.of(model, initial)
 
     def solved(network: Network) -> Gradients:

@@ -20,13 +20,14 @@ from kinetics.sampling import Auto, SamplingMethod
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.streamed import streamed
 from kinetics.sampling.watch import MAX_EVENTS
+from kinetics.support import plots
 from kinetics.support.arrays import Counts, Floats, some_times
 from kinetics.support.datasets import dataframe_over_times, dataset
+from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time, precision_of
 from kinetics.support.tables import with_spread
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
     from kinetics.markov.transient import Distribution, SolvingMethod
@@ -126,8 +127,6 @@ class Prediction(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, bands of the middle 95 % of runs, and the interval of the mean (dashed); returns `ax`."""
-        from kinetics.support import plots
-
         self.result.plot(ax)
         if self.low is not None and self.high is not None:
             plots.intervals(ax, self.times, self.low, self.high)

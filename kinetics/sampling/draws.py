@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics import kernels
 from kinetics.kernels.ensemble_work import LOOK, ensemble_work
 from kinetics.network import Model, Network
 from kinetics.network.predicates import Condition
@@ -168,20 +169,18 @@ def exposures_of_draws(
     ready = RecomputingSampler(with_units)
     key, shape = stream_key(seed), (runs, len(network.channels))
 
-    from kinetics.kernels import exposures
-
     units = mass_action(with_units)
     for d, row in enumerate(table):
         kernel, members = ready.merging.model(row), ready.merging.named(row)
         seen, watched = np.zeros(shape, dtype=np.int64), np.zeros(shape)
         first = first_run + d * runs
-        work = exposures.ExposureWork(ensemble_work(start.size), np.empty(4, dtype=np.uint64), np.zeros(1))
+        work = kernels.exposures.ExposureWork(ensemble_work(start.size), np.empty(4, dtype=np.uint64), np.zeros(1))
         work.runs.notes[LOOK] = MAX_EVENTS
         watch = Watch(np.array([horizon]), Outlook(network.with_rates(row)), first_run=first, is_path=True)
 
         def go_on(_: Ints, most: int, these: Any = (kernel, members, work, first, seen, watched)) -> int:
             kernel, members, work, first, *results = these
-            outcome: int = exposures.ensemble(
+            outcome: int = kernels.exposures.ensemble(
                 kernel, members, units, ready.changes, work, start, horizon, key, first, *results, most
             )
             return outcome

@@ -8,6 +8,8 @@ import click
 
 from kinetics.support.cli.declared import files_option
 from kinetics.support.cli.options import echo_json, json_option, picture_of, write_plots
+from mechsim.inspection.poses import record_at
+from mechsim.runs.store import RunStore
 
 
 @click.command()
@@ -33,9 +35,7 @@ def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot_files: tupl
     run's own tank; if tanks of different size or number of cubes disagree on a rate of hits, the command says so. Runs
     without a log, or stopped by the guard, are left out. The command draws no random numbers.
     """
-    from mechsim.inspection.poses import record_at
     from mechsim.inspection.tail_extrapolation.report import extrapolate, plot_tails
-    from mechsim.runs.store import RunStore
 
     files = []
     for name in map(Path, runs):

@@ -9,6 +9,7 @@ import click
 from kinetics.support.cli.declared import count_option, files_option
 from kinetics.support.cli.failures import DIFFERENT
 from kinetics.support.cli.options import echo_json, json_option, picture_of
+from kinetics.support.plots import save
 
 
 @click.command()
@@ -31,7 +32,6 @@ def replay(file: str, last: int, poses: str | None, pictures: tuple[str, ...], a
     if poses is not None:
         again.save(poses)
     for picture in pictures:
-        from kinetics.support.plots import save
         from mechsim.inspection.pictures.tank import draw_tank
 
         save(picture, lambda ax: draw_tank(again.record, ax))

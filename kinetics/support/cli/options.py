@@ -14,13 +14,14 @@ from typing import Any, NamedTuple, TypeVar
 import click
 import numpy as np
 
+from kinetics.support import plots
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import POSITIVE, count_option, default_option, files_option
 from kinetics.support.cli.progress import BUDGET
 from kinetics.support.cli.study_folder import BOOK, is_filled, or_study_folder, rates_of, start_of
-from kinetics.support.extras import require
 from kinetics.support.output import check_target, write_whole
+from kinetics.support.packages import require
 
 DURATION = 2000.0  # tu, the paper's
 
@@ -106,8 +107,6 @@ def write_tables(files: Sequence[str], frame: Callable[[], Any], **form: Any) ->
 def write_plots(files: Sequence[str], draw: Callable[[Any], Any]) -> None:
     """Write a figure, drawn on one pair of axes, to these files."""
     for file in files:
-        from kinetics.support import plots
-
         plots.save(file, draw)
 
 

@@ -16,6 +16,9 @@ from typing import NamedTuple, TypeVar
 
 from kinetics.markov.transient import SOLVING_METHODS, Distribution, SolvingMethod
 from kinetics.network import Model, Network
+from kinetics.predicting.accuracy import AskedAccuracy
+from kinetics.predicting.adaptive import adaptive_prediction
+from kinetics.predicting.job import Job
 from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Direct, Leaping, Lockstep, SamplingMethod
 from kinetics.sampling.streamed import streamed
@@ -109,10 +112,6 @@ def solver_curve(method: type[SolvingMethod]) -> Curve:
 
 def asked(task: Task, setting: float, _: int) -> Result:
     """The answer of `predict`, by its own choice of method, at this share of the largest mean of each species."""
-    from kinetics.predicting.accuracy import AskedAccuracy
-    from kinetics.predicting.adaptive import adaptive_prediction
-    from kinetics.predicting.job import Job
-
     job = Job(Model(task.network, task.initial), task.times, seed=task.seed, threads=1)
     return _whole(adaptive_prediction(job, AskedAccuracy(setting, is_relative=True)).result)
 

@@ -10,7 +10,6 @@ from click.testing import CliRunner
 
 from calibration.pipeline.new_study import BREAK, JOIN, PLACE, extent, guessed_rates, new_study, plain_name, scene_for
 from calibration.pipeline.plan import StudyPlan
-from calibration.reporting import overview
 from kinetics.assembly import RuleBook, derive
 from kinetics.rates import ClassRates, Rates
 from mechsim.runs.store import RunStore
@@ -57,8 +56,8 @@ class Blank:
 
 def test_a_folder_goes_the_whole_way(study, tmp_path, monkeypatch):
     folder, made = study
-    for report in ("calibration_report", "validation_report"):
-        monkeypatch.setattr(overview, report, Blank)
+    monkeypatch.setattr("calibration.commands.calibrate.calibration_report", Blank)
+    monkeypatch.setattr("calibration.commands.validate.validation_report", Blank)
     monkeypatch.chdir(tmp_path)
     assert sorted(path.name for path in folder.iterdir()) == ["book.toml", "plan.toml", "scene.toml", "target.toml"]
     assert (folder / "target.toml").read_text(encoding="utf-8") == ROW_OF_THREE
