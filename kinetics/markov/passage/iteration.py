@@ -181,7 +181,7 @@ class Iteration(Equations):
         from kinetics.kernels import incomplete
 
         product = np.empty_like(found)
-        (incomplete.occupied if is_occupation else incomplete.earned)(*self._table, found, product)
+        (incomplete.occupied if is_occupation else incomplete.accumulated)(*self._table, found, product)
         return weights - product
 
     def _swept(self, left: Floats, is_occupation: bool) -> Floats:
