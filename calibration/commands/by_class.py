@@ -9,9 +9,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from calibration.commands.shared import leave
+from calibration.estimating.class_spread import flagged
+from calibration.pipeline.plan import StudyPlan, is_plan
+from calibration.pipeline.study_runs import assembly_specs
+from calibration.validating.growth_curves import GROUPS, MOST_GROUPS
+from kinetics.rates import ClassRates
+from kinetics.support import plots
 from kinetics.support.cli.options import echo_json
 from kinetics.support.output import write_whole
+from kinetics.support.packages import pd
 from kinetics.support.tables import figure, text_table
+from mechsim.runs.record import book_of
+from mechsim.scene import Scene
 
 if TYPE_CHECKING:
     from calibration.pipeline.class_study import ClassStudy, GrowthStudy
@@ -22,10 +31,6 @@ if TYPE_CHECKING:
 
 def is_seeded(scene: str) -> bool:
     """Whether the book of a scene, or of a plan's, grows from a seed."""
-    from calibration.pipeline.plan import StudyPlan, is_plan
-    from mechsim.runs.record import book_of
-    from mechsim.scene import Scene
-
     path = StudyPlan.load(scene).scene if is_plan(scene) else scene
     return book_of(Scene.load(path).rules)[0].seed_letter is not None
 
@@ -47,9 +52,6 @@ def calibrate_by_class(
 ) -> None:
     """Make or read the runs of all scenes and plans, and write the rates of their classes."""
     from calibration.pipeline.class_study import run_class_calibration
-    from calibration.pipeline.plan import StudyPlan, is_plan
-    from calibration.pipeline.study_runs import assembly_specs
-    from mechsim.scene import Scene
 
     specs: list[RunSpec] = []
     settings: dict[str, Any] = {"seeds": [], "plans": {}}
@@ -104,8 +106,6 @@ def validate_by_class(
 ) -> None:
     """Compare held-out growth with network-free runs under draws of the class rates."""
     from calibration.pipeline.class_study import run_growth_validation
-    from calibration.validating.growth_curves import GROUPS, MOST_GROUPS
-    from kinetics.rates import ClassRates
 
     rates = ClassRates.load(rates_name)
     number = MOST_GROUPS if groups is None else groups
@@ -113,8 +113,6 @@ def validate_by_class(
         specs, rates, runs_folder, groups=min(GROUPS, number), most_groups=number, workers=workers, progress=progress
     )
     for csv_file in csv_files:
-        import pandas as pd
-
         curves = pd.concat([comparison.to_dataframe() for comparison in study.comparisons])
         write_whole(csv_file, curves.to_csv(index=False))
     for plot_file in plot_files:
@@ -135,7 +133,6 @@ def validate_by_class(
 
 
 def _rates_table(study: ClassStudy) -> str:
-    from calibration.estimating.class_spread import flagged
 
     rows = [
         (
@@ -162,7 +159,6 @@ def _rates_table(study: ClassStudy) -> str:
 
 def _plot(study: GrowthStudy, name: str) -> None:
     """One figure of all comparisons, above each other."""
-    from kinetics.support import plots
 
     def draw(figure: Any) -> None:
         figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)  # inches; titles keep off the frame

@@ -17,10 +17,16 @@ from calibration.commands.shared import (
     report_option,
     seed_option,
 )
+from calibration.pipeline.calibration_study import check_measurable, run_calibration, run_planned_calibration
+from calibration.pipeline.plan import StudyPlan, is_plan
+from calibration.pipeline.study_runs import assembly_specs
+from calibration.reporting.overview import calibration_report, not_seen
+from kinetics.rates.breaks import break_model
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import HEADING, NumbersCommand, echo_json, heading, in_a_folder, json_option
 from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, is_filled, or_study_folder
 from mechsim.commands.options import run_options
+from mechsim.scene import Scene
 
 if TYPE_CHECKING:
     from calibration.observed.study import ObservedStudy
@@ -142,8 +148,6 @@ def calibrate(
     species after a change. The word start in the column channel marks the start of a run, with the copies of each
     species; end marks its end, and restart that it was put back to its start. See docs/observed_events.md.
     """
-    from calibration.pipeline.plan import is_plan
-
     target = Path(out)
     if target.suffix != ".toml":
         raise ValueError(f"--out {out}: expected a name that ends in .toml")
@@ -165,12 +169,6 @@ def calibrate(
         raise ValueError(f"--group-by {group_by} is for rates by class; leave it out, or ask for --by class")
     study: CalibrationStudy | ObservedStudy | None = study_of_events(scene, events, run_table, tank, cubes, breaks)
     if study is None:
-        from calibration.pipeline.calibration_study import check_measurable, run_calibration, run_planned_calibration
-        from calibration.pipeline.plan import StudyPlan
-        from calibration.pipeline.study_runs import assembly_specs
-        from kinetics.rates.breaks import break_model
-        from mechsim.scene import Scene
-
         if breaks not in (None, "auto"):
             break_model(breaks)
         plan = StudyPlan.load(scene) if is_plan(scene) else None
@@ -196,12 +194,8 @@ def calibrate(
             )
     study.rates.save(target)
     if report:
-        from calibration.reporting.overview import calibration_report
-
         calibration_report(study).write(report, data=True)
     if as_json:
-        from calibration.reporting.overview import not_seen
-
         looks = study.diagnosis.looks
         echo_json(
             {

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from calibration.commands.shared import given_options
+from kinetics.commands.models import is_network_file, network_of_book
+from kinetics.network import Tank
 
 if TYPE_CHECKING:
     from calibration.observed.study import ObservedStudy
@@ -69,9 +71,7 @@ def study_of_events(
         if name not in SHARED:
             raise ValueError(f"{option} applies to mechanics runs, and --events makes none; leave one of them out")
     from calibration.observed.study import observed_study
-    from kinetics.commands.models import is_network_file, network_of_book
     from kinetics.formats import read
-    from kinetics.network import Tank
 
     network, single = (read(source).network, None) if is_network_file(source) else network_of_book(source)
     if "cubes" in given and len(cubes) > 1:

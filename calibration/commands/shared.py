@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
+from calibration.estimating.break_comparison import shape_in_words
+from calibration.reporting.overview import about_not_seen
 from calibration.validating.predictive import shown_p
+from kinetics.rates import about_priors
 from kinetics.support.cli.declared import Decorated, count_option
 from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import table_of
@@ -57,8 +60,6 @@ def refuse_what_a_plan_fixes(plan: str, *names: str) -> None:
 
 def breaks_table(compared: BreakComparison) -> str:
     """Break models side by side, and why one was chosen, for people."""
-    from calibration.estimating.break_comparison import shape_in_words
-
     rows = [
         (
             f"{row['model']}{' *' if row['is_chosen'] else ''}",
@@ -84,8 +85,6 @@ def breaks_table(compared: BreakComparison) -> str:
 
 def rates_table(study: CalibrationStudy | ObservedStudy) -> str:
     """Rates with intervals, and which channels were not seen, for people."""
-    from calibration.reporting.overview import about_not_seen
-
     rows = [
         (
             row["channel"],
@@ -120,8 +119,6 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
 
 def comparison_table(study: ValidationStudy) -> str:
     """One line a size, for people."""
-    from kinetics.rates import about_priors
-
     rows = []
     for row in study.summary():
         first = ("-", "-", "-", "-")

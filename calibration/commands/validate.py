@@ -14,11 +14,19 @@ from calibration.commands.shared import (
     report_option,
     seed_option,
 )
+from calibration.pipeline.bars import bars
+from calibration.pipeline.held_out_study import check_held_out, run_planned_validation, run_validation
+from calibration.pipeline.plan import StudyPlan, is_plan
+from calibration.pipeline.study_runs import assembly_specs
+from calibration.reporting.overview import validation_report
+from kinetics.rates import Rates, are_by_class
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.options import NumbersCommand, echo_json, json_option, picture_of, table_of
 from kinetics.support.cli.study_folder import PLAN, RUNS, is_filled, or_study_folder, rates_of
 from kinetics.support.output import write_whole
+from kinetics.support.packages import pd
 from mechsim.commands.options import run_options
+from mechsim.scene import Scene
 
 if TYPE_CHECKING:
     from calibration.pipeline.bars import Bar
@@ -130,12 +138,6 @@ def validate(
     distance of a run from the predicted distribution, in copies; it is shown beside the model's score against its own
     runs. Exit code 4: some runs were stopped by the guard or given up.
     """
-    from calibration.pipeline.held_out_study import check_held_out, run_planned_validation, run_validation
-    from calibration.pipeline.plan import StudyPlan, is_plan
-    from calibration.pipeline.study_runs import assembly_specs
-    from kinetics.rates import Rates, are_by_class
-    from mechsim.scene import Scene
-
     plan = StudyPlan.load(scene) if is_plan(scene) else None
     if plan is not None:
         refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
@@ -168,19 +170,13 @@ def validate(
         study = run_validation(described, rates, runs_folder, seed=seed, **sizes, **common)
     cleared: list[Bar] = []
     if plan is not None:
-        from calibration.pipeline.bars import bars
-
         control = (
             run_planned_validation(plan, Rates.load(control_name), runs_folder, **common) if control_name else None
         )
         cleared = bars(plan.verdict, study, control)
     for csv_file in csv_files:
-        import pandas as pd
-
         write_whole(csv_file, pd.DataFrame([row.to_dict() for row in study.events]).to_csv(index=False))
     if report:
-        from calibration.reporting.overview import validation_report
-
         validation_report(study, cleared).write(report, data=True)
     if as_json:
         echo_json(

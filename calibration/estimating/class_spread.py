@@ -18,6 +18,7 @@ from kinetics.assembly import Derivation
 from kinetics.rates import class_keys
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.packages import special
 
 SIMULATED = 9999  # studies without spread, for the p-value
 STUDIES = 400  # with spread, for the power
@@ -152,10 +153,8 @@ def _tested(key: str, by: str, groups: tuple[str, ...], table: Floats, rng: np.r
 
 def _ratio(counts: Ints, part: Floats) -> Floats:
     """Twice the log-likelihood ratio (n,) of counts (n, G) against their parts of the total."""
-    from scipy.special import xlogy
-
     total = counts.sum(axis=1, keepdims=True)
-    return np.asarray(2 * (xlogy(counts, counts) - xlogy(counts, total * part)).sum(axis=1))
+    return np.asarray(2 * (special.xlogy(counts, counts) - special.xlogy(counts, total * part)).sum(axis=1))
 
 
 def _ranks(values: Floats, nulls: Floats) -> Floats:

@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from calibration import plots
 from calibration.estimating.exposure import Exposure, count, pooled, require_same
 from calibration.estimating.joins_and_breaks import joins_and_breaks
 from kinetics.network import Network
+from kinetics.rates import ChannelRate, Convention, Rates
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import exact_limits, jeffreys_posterior
+from kinetics.support.packages import special
 from kinetics.support.shown import ResultTable, Shown, on_axes
 from kinetics.support.tables import inverse, of_unit
 
@@ -69,19 +72,15 @@ class RateEstimate:
 
     def credible_interval(self, level: float = 0.95) -> tuple[float, float]:
         """Equal-tailed posterior limits of k, 1/tu."""
-        from scipy.special import gammaincinv
-
         if not self.is_measured:
             return 0.0, float("inf")
         shape, rate = self.posterior
         tail = (1 - level) / 2
-        return float(gammaincinv(shape, tail) / rate), float(gammaincinv(shape, 1 - tail) / rate)
+        return float(special.gammaincinv(shape, tail) / rate), float(special.gammaincinv(shape, 1 - tail) / rate)
 
     @on_axes
     def plot(self, ax: Axes, level: float = 0.95) -> Axes:
         """One row of a forest plot, the rate with its interval; returns `ax`."""
-        from calibration import plots
-
         low, high = self.interval(level)
         plots.forest_row(ax, self.channel, self.rate, low, high)
         ax.set_xlabel("rate constant k (1/tu)")
@@ -169,8 +168,6 @@ class Calibration(Shown):
         A join or break that no run could fire gets a prior from the others, and is marked, see `ChannelRate.prior`.
         ValueError: no channel of its kind was measured either.
         """
-        from kinetics.rates import ChannelRate, Convention, Rates
-
         channels = {
             row["channel"]: {key: row[key] for key in ChannelRate.__struct_fields__ if key in row}
             for row in self.table()
@@ -212,8 +209,6 @@ class Calibration(Shown):
         For unlike reactants the conventions agree; the factor 2 of like pairs is taken out (for the literal product
         s * s up to one part in s), so that tables of any convention can be compared.
         """
-        from calibration import plots
-
         names = self.network.channels
         scale = per_combination(self.network)
         low, high = exact_limits(self.total.events, self.total.exposure, level)

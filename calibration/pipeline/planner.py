@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calibration import plots
 from calibration.estimating.joins_and_breaks import joins_and_breaks
 from calibration.pipeline.plan import PlannedRuns, StudyPlan, Tanks, VerdictRules, in_tank
 from calibration.pipeline.planned import HeldOutTest, Planned, PlanRequest, spent
@@ -123,8 +124,6 @@ class PlannedStudy(Planned):
     @on_axes
     def plot(self, ax: Axes) -> Axes:
         """Shares of the tanks in the events of each channel, and in the CPU time; returns `ax`."""
-        from calibration import plots
-
         rows = self.tank_rows()
         shares = {name: [row["events"][name] for row in rows] for name in self.forecast.network.channels}
         names = [" ".join(f"{n} {name}" for name, n in row["composition"].items()) for row in rows]

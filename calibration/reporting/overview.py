@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from calibration import plots
+from calibration.estimating.break_comparison import shape_in_words
 from calibration.reporting.report import Chart, Heading, HtmlReport, Part, ReportTable, Text
 from calibration.reporting.words import in_words
 from kinetics.rates import Rates, about_priors
@@ -149,8 +151,6 @@ def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Par
 
 def _break_parts(compared: BreakComparison) -> list[Part]:
     """Break models side by side; the shape as text, its intervals at 95 %."""
-    from calibration.estimating.break_comparison import shape_in_words
-
     rows = [row | {"shape": shape_in_words(row["shape"])} for row in compared.table()]
     return [
         Heading("What breaks a bond"),
@@ -228,8 +228,6 @@ def notable(panels: Sequence[Sequence[EventRow]]) -> list[list[EventRow]]:
 
 def _draw_events(panels: Sequence[Sequence[EventRow]], axes: Any) -> None:
     """One panel a size, and one of all sizes."""
-    from calibration import plots
-
     for rows, ax in zip(panels, [axes] if len(panels) == 1 else axes, strict=True):
         expected = plots.Limited([r.expected for r in rows], [r.low for r in rows], [r.high for r in rows])
         plots.event_ratios(ax, [r.group for r in rows], [r.seen for r in rows], expected, rows[0].size)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calibration import plots
 from calibration.estimating.joins_and_breaks import WHOLES
 from calibration.validating.events import EventRow, HeldOutEvents, event_rows
 from calibration.validating.first_times import FirstTimeComparison
@@ -18,6 +19,8 @@ from calibration.validating.single_runs import SingleRuns
 from calibration.validating.verdict import ConsistencyCheck, Verdict, event_checks, judged
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import plt
+from kinetics.support.plots import colour
 from kinetics.support.shown import ResultTable, Shown
 from kinetics.support.tables import in_unit
 
@@ -261,12 +264,7 @@ class CrossValidation(Shown):
 
         axes : as many; new ones, in a row, where none are given
         """
-        from calibration import plots
-        from kinetics.support.plots import colour
-
         if axes is None:
-            import matplotlib.pyplot as plt
-
             across = len(species or self.network.species)
             axes = list(
                 plt.figure(figsize=(4.0 * across, 3.2), layout="constrained").subplots(1, across, squeeze=False)[0]

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calibration import plots
 from kinetics.markov.transient.search import MAX_STATES, TooManyStatesError
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.laws.writing import quoted
 from kinetics.runs import JumpPath, TruncatedRunsError
 from kinetics.sampling import Direct, first_times_of_draws
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import student_interval
+from kinetics.support.plots import colour
 from kinetics.support.shown import ResultTable, Shown, facts, on_axes
 from kinetics.support.tables import figure
 
@@ -103,9 +105,6 @@ class FirstTimeComparison(Shown):
 
         place : the species' in its network, which gives the curve its colour
         """
-        from calibration import plots
-        from kinetics.support.plots import colour
-
         # with a rate of 0 the chain may end elsewhere, and the mean is infinite
         mean = f", mean {self.mean:.4g} tu" if np.isfinite(self.mean) else ""
         label = f"exact{mean}" if self.is_exact else f"SSA, within {self.curve_error:.1g} (1 s.e.)"
@@ -255,9 +254,8 @@ def _drawn_levels(
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
     levels = np.empty((len(rate_draws), n))
     made = first_times_of_draws(
-        network,
+        Model.of(network, paths[0].initial),
         rate_draws,
-        paths[0].initial,
         _present(species),
         times[-1],
         n,

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calibration import plots
 from calibration.validating.predictive import upper_p
 from kinetics.support.arrays import Floats
 from kinetics.support.shown import on_axes
@@ -49,8 +50,6 @@ class SingleRuns:
     @on_axes
     def plot(self, ax: Axes) -> Axes:
         """The histogram of all PITs beside its range under the model; returns `ax`."""
-        from calibration import plots
-
         return plots.pit_histogram(ax, self.pit, self.band_low, self.band_high, self.p_value)
 
 

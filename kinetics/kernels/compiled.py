@@ -25,6 +25,9 @@ from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.types import unliteral
 
+from kinetics.support.cli.progress import is_terminal
+from kinetics.support.interrupts import heard
+
 PREFIX = "kernels-"
 # Folders of one room: going back to sources of a while ago, or another version of Numba, compiles nothing anew.
 KEPT = 3
@@ -73,8 +76,6 @@ def beside_interrupts(compile_for: Callable[..., Any], *args: Any, **kws: Any) -
 
     An interrupt within Numba or LLVM may be dropped, turned into another error, or crash the process.
     """
-    from kinetics.support.interrupts import heard  # of ours, only this file may import more than kernels
-
     return heard(compile_for, *args, **kws)
 
 
@@ -94,8 +95,6 @@ def say_that_nothing_is_kept() -> None:
 @functools.cache
 def say_that_it_compiles() -> None:
     """Once a command, to a person at a terminal: it takes seconds, and only the first time."""
-    from kinetics.support.cli.progress import is_terminal
-
     if is_terminal(sys.stderr) and multiprocessing.parent_process() is None:
         print("compiling kernels, which are stored for the next time ...", file=sys.stderr, flush=True)  # noqa: T201
 

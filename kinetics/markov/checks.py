@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.markov.transient import Transitions
 from kinetics.network.predicates import DEADLOCK, INIT, StateNames
 from kinetics.support.arrays import Floats, integers, read_only, real_number, reals, whole_number
+from kinetics.support.packages import sparse
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -110,13 +111,11 @@ def checked_rates(generator: Any) -> csr_array:
 
     It is taken for a generator where its diagonal holds anything: its rows must then sum to zero.
     """
-    from scipy.sparse import coo_array, issparse
-
     matrix = square("generator", generator)
     diagonal = matrix.diagonal()
     rates = _off_diagonal(matrix)
-    is_sparse = issparse(generator)
-    entries: Any = coo_array(generator) if is_sparse else rates.tocoo()  # each on its own
+    is_sparse = sparse.issparse(generator)
+    entries: Any = sparse.coo_array(generator) if is_sparse else rates.tocoo()  # each on its own
     least = np.where(entries.row == entries.col, 0.0, entries.data)
     if least.min(initial=0.0) < 0:
         at = int(np.argmin(least))
@@ -145,13 +144,11 @@ def checked_rates(generator: Any) -> csr_array:
 
 def square(name: str, given: Any, n: int | None = None) -> csr_array:
     """A sparse or dense matrix (n, n) of finite numbers, as a csr_array without zeros and duplicates."""
-    from scipy.sparse import csr_array, issparse
-
-    if not issparse(given):
+    if not sparse.issparse(given):
         given = reals(name, given, (None, None))
     if np.iscomplexobj(given):
         raise ValueError(f"{name} holds complex numbers; expected real ones")
-    matrix = csr_array(given, dtype=np.float64, copy=True)
+    matrix = sparse.csr_array(given, dtype=np.float64, copy=True)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or n not in (None, matrix.shape[0]):
         wanted = "a square" if n is None else f"({n}, {n})"
         raise ValueError(f"{name} has shape {matrix.shape}; expected {wanted}")
@@ -219,8 +216,7 @@ def checked_reward(name: str, given: Reward, n: int) -> Reward:
 
 
 def _off_diagonal(matrix: csr_array) -> csr_array:
-    from scipy.sparse import csr_array
 
     entries = matrix.tocoo()
     off = entries.row != entries.col
-    return csr_array((entries.data[off], (entries.row[off], entries.col[off])), shape=matrix.shape)
+    return sparse.csr_array((entries.data[off], (entries.row[off], entries.col[off])), shape=matrix.shape)

@@ -29,6 +29,7 @@ from kinetics.support.arrays import Floats
 from kinetics.support.limits import check_names, text_in
 from kinetics.support.memory import check_memory
 from kinetics.support.output import scratch_folder, write_together
+from kinetics.support.packages import sparse
 
 REWARD_NAME = re.compile(r'#\s*Reward structure\s+"([^"]+)"')
 Parsed = TypeVar("Parsed")
@@ -188,9 +189,8 @@ def _text(lines: list[str]) -> str:
 
 
 def _sparse(rows: NDArray[Any], columns: NDArray[Any], values: Floats, n: int) -> Any:
-    from scipy.sparse import csr_array
 
-    return csr_array((values, (rows, columns)), shape=(n, n))
+    return sparse.csr_array((values, (rows, columns)), shape=(n, n))
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:

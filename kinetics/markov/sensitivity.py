@@ -333,23 +333,5 @@ def sensitivity_to(
     return Sensitivity(chain), goal
 
 
-def passage_sensitivity(
-    model: Model | Network, initial: Counts | None, species: Counted, copies: int = 1, certain: bool = True
-) -> Derivatives:
-    """Derivatives of the mean first-passage time to copies of a species, or of the probability of ever reaching them.
-
-    certain : whether it is the mean, which a target that may be missed does not have
-    ValueError: unknown species, missing rates, too many states, or a mean that is infinite
-
-    >>> from kinetics import Network
-    >>> from kinetics.markov import passage_sensitivity
-    >>> gradient = passage_sensitivity(Network.from_text("make: A -> B, 2"), {"A": 1}, "B")
-    >>> gradient.parameters, round(gradient.answer.value, 9), gradient.elasticity.round(9).tolist()
-    (('make',), 0.5, [-1.0])
-    """
-    asked, goal = sensitivity_to(model, initial, species, copies)
-    return asked.passage(goal) if certain else asked.until(goal)
-
-
 def _probability(found: Derivatives) -> Derivatives:
     return replace(found, answer=found.answer.clipped())

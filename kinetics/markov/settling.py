@@ -42,7 +42,6 @@ def answering_chains(
     >>> [(len(chain), places) for chain, places in answering_chains(questions, growth, max_states=100)]
     [(3, [0]), (6, [1])]
     """
-
     # Where a chain starts and cannot go on is known of the whole chain: a state in which it was stopped has no way out.
     whole = [name for name in (INIT, DEADLOCK) if name not in (*model.network.species, *model.observables)]
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinetics.predicting.tuning import LEAST
+from kinetics.predicting.tuning import BUDGET, LEAST
 from kinetics.support.answer import CONFIDENCE, PROVEN
 from kinetics.support.arrays import Floats, real_number
 
@@ -22,18 +22,22 @@ class AskedAccuracy:
         species' largest mean (sd) over the times, and of one copy at least, so that rare species need no digits.
         Of distributions it is the largest error of the probability of at most n copies, for any n
     of : "mean", "sd" or "distribution"
-    ValueError: a value that is no number from 1e-12, or above 1 if it is relative or a probability
+    budget : CPU time allowed for it, s
+    ValueError: a budget that is not above 0, or a value below 1e-12, or above 1 if it is relative or a probability
 
     >>> from kinetics.predicting import AskedAccuracy
-    >>> AskedAccuracy.of_text("1%"), AskedAccuracy.of_text("0.5", of="sd")
-    (AskedAccuracy(value=0.01, is_relative=True, of='mean'), AskedAccuracy(value=0.5, is_relative=False, of='sd'))
+    >>> AskedAccuracy.of_text("1%", of="sd")
+    AskedAccuracy(value=0.01, is_relative=True, of='sd', budget=1200.0)
     """
 
     value: float
     is_relative: bool = False
     of: str = "mean"
+    budget: float = BUDGET
 
     def __post_init__(self) -> None:
+        if not 0 < real_number("budget", self.budget) < np.inf:
+            raise ValueError(f"budget = {self.budget:g}; expected a positive number of seconds")
         if self.of not in KINDS:
             raise ValueError(f"accuracy of {self.of!r}; expected that of {', '.join(KINDS)}")
         real_number("accuracy", self.value)
@@ -53,7 +57,7 @@ class AskedAccuracy:
         return ", the error of a probability" if self.of == "distribution" else ""
 
     @classmethod
-    def of_text(cls, text: str, of: str = "mean") -> AskedAccuracy:
+    def of_text(cls, text: str, of: str = "mean", budget: float = BUDGET) -> AskedAccuracy:
         """Read an accuracy from "1%" or "0.5"; for a distribution both are probabilities."""
         stripped = text.strip()
         is_percent = stripped.endswith("%")
@@ -63,7 +67,7 @@ class AskedAccuracy:
             raise ValueError(
                 f"accuracy {text!r}; expected a share such as 1%, or a number of copies such as 0.5"
             ) from None
-        return cls(number / 100 if is_percent else number, is_percent and of != "distribution", of)
+        return cls(number / 100 if is_percent else number, is_percent and of != "distribution", of, budget)
 
     @property
     def in_words(self) -> str:

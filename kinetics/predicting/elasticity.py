@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.markov import Chain, Sensitivity, passage_sensitivity
-from kinetics.network import Model, Network, Tank
+from kinetics.markov import Chain, Sensitivity, sensitivity_to
+from kinetics.network import Model, Network
 from kinetics.predicting.over_draws import DrawMeans
 from kinetics.rates import BookRates, Rates, RatesPosterior
+from kinetics.support import plots
 from kinetics.support.arrays import Counts, Floats, divided, rising_times
 from kinetics.support.intervals import student_quantile
 from kinetics.support.shown import ResultTable, Shown, on_axes
@@ -115,8 +116,6 @@ class Elasticities(Shown):
     @on_axes
     def plot(self, ax: Any, names: tuple[str, ...]) -> Any:
         """Bars with intervals for the last time, one colour for each of the S names of the last axis; returns `ax`."""
-        from kinetics.support import plots
-
         values, low, high = (
             each.reshape(len(each), -1, len(names))[:, -1] for each in (self.value, self.low, self.high)
         )
@@ -135,13 +134,12 @@ def count_elasticities(
     times: ArrayLike,
     drawn: DrawMeans | None = None,
     observables: Observables | None = None,
-    tank: Tank | None = None,
     exact_states: int = EXACT_STATES,
 ) -> Elasticities:
     """Elasticities (P, T, S) of the mean counts at `times` (T,), tu.
 
     initial : counts at time 0 that go before the model's; None for these
-    drawn : of a prediction for these times, observables and tank
+    drawn : of a prediction for these times and observables, in the tank of the model
     exact_states : up to so many reachable states they are solved for, by one pass forwards a time and one backwards a
         count, for all parameters; else they come from `drawn`, at no further cost
     ValueError: no rate has evidence where draws are needed, or there are fewer than two draws for a parameter.
@@ -154,7 +152,6 @@ def count_elasticities(
     >>> count_elasticities(decay, rates, {"A": 10}, [5.0]).value.round(6).tolist()  # -k t
     [[[-0.5]]]
     """
-
     given = Model.of(model, initial)
 
     def solved(network: Network) -> Gradients:
@@ -167,7 +164,7 @@ def count_elasticities(
         return means, np.moveaxis(np.array([[each.value for each in row] for row in found]), -1, 0)
 
     try:
-        return exact_elasticities(rates.posterior(given.network, tank), solved)
+        return exact_elasticities(rates.posterior(given.network, given.tank), solved)
     except ValueError as refusal:  # too many states, or too stiff
         if drawn is None:
             raise ValueError(
@@ -183,7 +180,6 @@ def passage_elasticities(
     initial: Counts | None,
     species: str,
     copies: int = 1,
-    tank: Tank | None = None,
 ) -> Elasticities:
     """Elasticities (P, 1) of the mean time to `copies` of a species, solved for; ValueError if it is infinite.
 
@@ -196,14 +192,14 @@ def passage_elasticities(
     >>> found.value.round(9).tolist(), found.share.round(9).tolist()
     ([[-1.0]], [[1.0]])
     """
-
     given = Model.of(model, initial)
 
     def solved(network: Network) -> Gradients:
-        found = passage_sensitivity(network, given.initial, species, copies)
+        asked, goal = sensitivity_to(network, given.initial, species, copies)
+        found = asked.passage(goal)
         return np.array([found.answer.value]), found.value[:, None]
 
-    return exact_elasticities(rates.posterior(given.network, tank), solved)
+    return exact_elasticities(rates.posterior(given.network, given.tank), solved)
 
 
 def exact_elasticities(posterior: RatesPosterior, solved: Callable[[Network], Gradients]) -> Elasticities:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinetics.network import Model
 from kinetics.predicting.job import Job
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
@@ -140,7 +141,8 @@ def _batches(
         sequence = np.random.SeedSequence(whole_number("seed", job.seed, 0), spawn_key=(1, number))
         table = posterior.draw(np.random.default_rng(sequence), min(block, n_draws - begin))
         made = simulate_posterior(
-            posterior.expected, posterior.constants(table), job.model.initial, watch.grid, RUNS_PER_DRAW, job.seed,
+            Model.of(posterior.expected, job.model.initial), posterior.constants(table), watch.grid, RUNS_PER_DRAW,
+            job.seed,
             method=method,
             first_run=begin * RUNS_PER_DRAW,
             threads=len(os.sched_getaffinity(0)) if job.threads is None else job.threads,

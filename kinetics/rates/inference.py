@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.support.arrays import Floats, whole_number
-from kinetics.support.extras import extra
+from kinetics.support.packages import extra
 
 
 class DrawnPosterior(Protocol):

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.kernels.ensemble_work import ensemble_work
 from kinetics.kernels.outcomes import REACHED_END, STOPPED, UNFINISHED
 from kinetics.native import twins
@@ -104,11 +105,9 @@ class RecomputingSampler:
 
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
         """Times and channels of all events until `end`."""
-        from kinetics.kernels import members, streams
-
         stream, naming = np.empty(4, dtype=np.uint64), np.empty(4, dtype=np.uint64)
-        streams.start_stream(key, run, stream)
-        members.start_naming(key, run, naming)
+        kernels.streams.start_stream(key, run, stream)
+        kernels.members.start_naming(key, run, naming)
         counts, state, clock = np.append(initial, 1), np.append(initial, 1), np.zeros(3)
         named = self.merging.named(self.constants)
         stop, reached = watch.stop_of(run, 1, self.merging.representatives)
@@ -120,7 +119,7 @@ class RecomputingSampler:
             outcome, n_events = twins.events(
                 self.model, self.changes, counts, clock, end, stream, times, channels, stop
             )
-            members.attribute_channels(named, self.changes, state, channels[:n_events], naming)
+            kernels.members.attribute_channels(named, self.changes, state, channels[:n_events], naming)
             pieces.append((times[:n_events], channels[:n_events]))
             made += n_events
             watch.hear()

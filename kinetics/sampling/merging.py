@@ -8,18 +8,16 @@ z = sum of w_Y x_Y, which all breaks share whose partners have the same weights 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.network import Network
 from kinetics.sampling.mass_action import MassAction, mass_action
 from kinetics.support.arrays import Floats, Ints, read_only
-
-if TYPE_CHECKING:
-    from kinetics.kernels.members import Members
 
 MOST_CHANNELS = 2000  # of a network in which any are merged; among more, an event had better update what it changed
 ALIKE = 1e-14  # relative difference of weights that rounding explains
@@ -146,11 +144,11 @@ class Merging:
             np.concatenate(terms),
         )
 
-    def named(self, constants: Floats | None = None) -> Members:
+    def named(self, constants: Floats | None = None) -> kernels.members.Members:
         """The tables by which kernels attribute an event to a channel of the network; `constants` as for `model`."""
-        from kinetics.kernels.members import Members
-
-        return Members(self.spans, self.members, self._coefficients(constants), self._partners, self.laws.less)
+        return kernels.members.Members(
+            self.spans, self.members, self._coefficients(constants), self._partners, self.laws.less
+        )
 
     def _coefficients(self, constants: Floats | None) -> Floats:
         return self.laws.coefficients if constants is None else self.laws.coefficients * constants[self.members]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from calibration import plots
 from calibration.estimating.coarse_looks import CoarseLooks
 from calibration.estimating.diagnosing import DIAGNOSTICS
 from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
@@ -143,8 +144,6 @@ class Diagnosis(Shown):
     @on_axes
     def plot(self, ax: Axes) -> Axes:
         """Plot all p-values against those of as many true models, the failed ones named; returns `ax`."""
-        from calibration import plots
-
         tested = self.tested
         return plots.p_values(ax, [f.p_value or 0.0 for f in tested], self.doubtful)
 

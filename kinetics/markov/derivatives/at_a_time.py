@@ -28,6 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kinetics import kernels
 from kinetics.markov.derivatives.forwards import Forwards, places
 from kinetics.markov.derivatives.gradient import ChannelEntries, Gradient
 from kinetics.markov.passage.backward import (
@@ -215,8 +216,6 @@ class Passes:
 
         Added up within blocks first, so that the roundings are those of 2 sqrt(n) additions.
         """
-        from kinetics.kernels import markov
-
         n, weights, steps = values.size, self._weights.values, self._forwards.n_steps
         after, later, spent = sums_after(weights[:steps]), np.zeros(n), np.zeros(n)
         sums = [np.zeros(self._moves[1].size), np.zeros(n), np.zeros(n)]
@@ -225,7 +224,7 @@ class Passes:
             parts = [np.zeros_like(each) for each in sums]
             for part in reversed(list(short_slices(len(vectors), 2.0 * (parts[0].size + n)))):
                 some = vectors[part], weights[block][part], after[block][part]
-                markov.steps_back(*self._moves, self._stays, *some, values, later, *parts)
+                kernels.markov.steps_back(*self._moves, self._stays, *some, values, later, *parts)
             for s, found in enumerate(parts):
                 sums[s] += found
             if self._kept.impulses is not None:

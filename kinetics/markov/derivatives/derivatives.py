@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from kinetics.support import plots
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, read_only
 from kinetics.support.shown import ResultTable, Shown, on_axes
@@ -115,7 +116,5 @@ class Derivatives(Shown):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Bars of the elasticities with their bounds, the first parameter on top; returns `ax`."""
-        from kinetics.support import plots
-
         values, low, high = (np.reshape(each, (-1, 1)) for each in (self.elasticity, *self.elasticity_bounds))
         return plots.grouped_bars(ax, self.parameters, ("elasticity",), values, low, high, "d ln(answer) / d ln(rate)")

@@ -21,6 +21,7 @@ from kinetics.native import twins
 from kinetics.support.answer import PROVEN, Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.progress import forecast
+from kinetics.support.packages import sparse
 from kinetics.support.tables import rough
 
 LEFT_OUT = 1e-302  # of the Poisson probability: what is smaller is not known relatively
@@ -230,10 +231,8 @@ def jump_rate(transitions: Transitions, spare: float = SPARE) -> float:
 
 def one_step(transitions: Transitions, spare: float = SPARE) -> tuple[Any, Floats, float]:
     """P off its diagonal (N, N) by rows, its diagonal (N,), and how many roundings a step backwards adds at most."""
-    from scipy.sparse import csr_array
-
     n, rate = transitions.size, jump_rate(transitions, spare)
-    moves: Any = csr_array((transitions.rates / rate, (transitions.rows, transitions.columns)), shape=(n, n))
+    moves: Any = sparse.csr_array((transitions.rates / rate, (transitions.rows, transitions.columns)), shape=(n, n))
     wide = np.concatenate([moves.data.astype(np.longdouble), np.zeros(1, np.longdouble)])
     exits = np.where(np.diff(moves.indptr) > 0, np.add.reduceat(wide, moves.indptr[:-1]), 0.0)
     merged = int(np.bincount(transitions.rows, minlength=1).max())

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,14 +14,13 @@ from numpy.typing import ArrayLike
 from kinetics.markov.passage.arrival import Arrival
 from kinetics.markov.passage.until import UNDERFLOW
 from kinetics.markov.transient.transitions import Transitions
+from kinetics.support import plots
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Floats, reals
 from kinetics.support.datasets import dataframe
+from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 from kinetics.support.tables import counted, figure, in_unit
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 DRAWN = 201  # times of a curve
 
@@ -231,8 +230,6 @@ class Passage(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the distribution function up to the 99 % quantile, and the mean; returns `ax`."""
-        from kinetics.support import plots
-
         times = self._drawn_at
         return plots.passage(ax, times, self.cdf(times), self.mean, self.target, self.time_unit)
 

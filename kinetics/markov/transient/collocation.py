@@ -19,6 +19,7 @@ from kinetics.markov.transient.transitions import Transitions
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.cli.progress import forecast, limit_in_words
 from kinetics.support.memory import check_memory
+from kinetics.support.packages import sparse
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -119,9 +120,6 @@ class CollocationPlan(NamedTuple):
         A step as long as the time before it, of a solution that is smooth but for time 0, has an error that falls as
         (3 + 2 sqrt(2))**-s: the degree is for that.
         """
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import reverse_cuthill_mckee
-
         n = generator.shape[0]
         events = float(-generator.diagonal().min(initial=0.0)) * last
         if not (events <= MOST_EVENTS and last < LARGEST):
@@ -132,10 +130,10 @@ class CollocationPlan(NamedTuple):
             )
         # Reverse Cuthill-McKee keeps the factors within a narrow profile; its widths bound their cost.
         pattern: Any = abs(generator) + abs(generator.T)
-        order = np.asarray(reverse_cuthill_mckee(pattern.tocsr(), symmetric_mode=True), dtype=np.int64)
+        order = np.asarray(sparse.csgraph.reverse_cuthill_mckee(pattern.tocsr(), symmetric_mode=True), dtype=np.int64)
         place = np.empty(n, dtype=np.int64)
         place[order] = np.arange(n)
-        entries, first = coo_array(pattern), np.arange(n)
+        entries, first = sparse.coo_array(pattern), np.arange(n)
         np.minimum.at(first, place[entries.row], place[entries.col])
         widths = (np.arange(n) - first).astype(float)
         # At worst, for one factorisation; then what it is, which may be far less.
@@ -209,12 +207,11 @@ class Steps:
     """
 
     def __init__(self, entries: Entries, start: Floats, last: float, plan: CollocationPlan, tolerance: float) -> None:
-        from scipy.sparse import csc_array
 
         n, diagonal = start.size, np.arange(start.size)
         exits = exit_rates(entries, n)
         places = np.append(entries.columns, diagonal), np.append(entries.rows, diagonal)
-        self._rates: Any = csc_array((np.append(entries.rates, -exits), places), shape=(n, n))
+        self._rates: Any = sparse.csc_array((np.append(entries.rates, -exits), places), shape=(n, n))
         self._plan, self._tolerance, self._last = plan, tolerance, last
         self.chain = FixedPointChain.of(entries, n, 2.0 * last, tolerance)
         first = Fraction(2) ** (2 - self.chain.scale)

@@ -19,6 +19,7 @@ from kinetics.markov.transient.fixedpoint import FixedPoint
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.radau import radau_tables
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import sparse
 
 LARGEST = 8.0  # coefficients; beyond, whole parts would be no digits. Those of probabilities are below sqrt(2 s + 1)
 SPARE_BITS = 16  # by which what is cut off lies below the tolerance
@@ -56,8 +57,6 @@ class FixedPointChain:
     @classmethod
     def of(cls, entries: Entries, n: int, longest: float, tolerance: float) -> FixedPointChain:
         """A defect with so many digits that truncation in steps up to `longest`, tu, is far below the tolerance."""
-        from scipy.sparse import csr_array
-
         arithmetic = FixedPoint.of(n + 1)
         exits = exit_rates(entries, n)
         scale = max(ceil(log2(2.0 * float(exits.max()))), 2 - floor(log2(longest)))
@@ -68,7 +67,7 @@ class FixedPointChain:
         leaving = np.array([np.bincount(entries.rows, digit, minlength=n) for digit in numbers])
         diagonal = np.arange(n)
         places = np.append(entries.columns, diagonal), np.append(entries.rows, diagonal)
-        planes = [csr_array((values, places), shape=(n, n)) for values in np.append(numbers, -leaving, axis=1)]
+        planes = [sparse.csr_array((values, places), shape=(n, n)) for values in np.append(numbers, -leaving, axis=1)]
         rates = arithmetic.carry(np.array([plane.data for plane in planes]))
         for plane, values in zip(planes, rates, strict=True):
             plane.data = values

@@ -21,6 +21,7 @@ from kinetics.markov.transient.transitions import RATE_ERROR, Transitions
 from kinetics.native import twins
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.cli.progress import forecast
+from kinetics.support.packages import sparse
 from kinetics.support.tables import rough
 
 BLOCK = 64  # steps whose vectors are kept and mixed by one matrix product
@@ -74,11 +75,9 @@ class DiscreteChain:
         most_out : most rates behind one exit. None: as many as lead on from there
         rate_error : of each rate, in roundings
         """
-        from scipy.sparse import csr_array
-
         rate = float(exits.max(initial=0.0)) or 1.0
         n = exits.size
-        moves: Any = csr_array((rates / rate, (columns, rows)), shape=(n, n))
+        moves: Any = sparse.csr_array((rates / rate, (columns, rows)), shape=(n, n))
         most_in, most_on = (int(np.bincount(ends, minlength=1).max()) for ends in (columns, rows))
         terms = most_in + (most_on if most_out is None else most_out)
         arrays = Arrays(moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, exits / rate)
@@ -92,18 +91,16 @@ class DiscreteChain:
     @cached_property
     def inflows(self) -> Any:
         """csr_array (N, N): of each state, in a row, the shares of q at which the others lead to it."""
-        from scipy.sparse import csr_array
-
         begins, sources, shares, _ = self.arrays
-        return csr_array((shares, sources.astype(np.int64), begins.astype(np.int64)), shape=(self.size, self.size))
+        return sparse.csr_array(
+            (shares, sources.astype(np.int64), begins.astype(np.int64)), shape=(self.size, self.size)
+        )
 
     @cached_property
     def transposed(self) -> Any:
         """csr_array (N, N), P transposed: `transposed @ p` is p P."""
-        from scipy.sparse import csr_array, dia_array
-
-        stays: Any = dia_array((1.0 - self.arrays.exits[None, :], [0]), shape=self.inflows.shape)
-        return csr_array(self.inflows + stays)
+        stays: Any = sparse.dia_array((1.0 - self.arrays.exits[None, :], [0]), shape=self.inflows.shape)
+        return sparse.csr_array(self.inflows + stays)
 
     def steps_until(self, time: float, tolerance: float) -> int:
         """Steps after which, but for `tolerance`, all of the Poisson probability at `time` has been seen."""

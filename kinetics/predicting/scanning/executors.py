@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from multiprocessing.synchronize import Event
 from typing import Any
 
-from kinetics.support.extras import extra
+from kinetics.support.packages import extra
 from kinetics.support.workers import GUARD, end_while_loading, end_with_parent, leave_signals_to_parent
 
 ANSWER_WITHIN = 10  # s, for a scheduler

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kinetics.predicting.scanning.pictures import draw_scan, size_of
 from kinetics.support.answer import CONFIDENCE, ESTIMATE, NONE, PROVEN, Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.datasets import dataframe, dataset
-from kinetics.support.extras import extra
+from kinetics.support.packages import pd, plt
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import counted, of_unit
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
 MOST_ROWS = 40  # of a table for people
@@ -154,12 +154,7 @@ class Scan(Shown, Tabular):
 
         figure : Matplotlib's, to be drawn into; a new one where none is given. Returns it.
         """
-        from kinetics.predicting.scanning.pictures import draw_scan, size_of
-
         if figure is None:
-            extra("matplotlib")
-            import matplotlib.pyplot as plt
-
             figure = plt.figure(figsize=size_of(self), layout="constrained")
         draw_scan(figure, self)
         return figure

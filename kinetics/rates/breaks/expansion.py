@@ -101,7 +101,7 @@ class Expansion:
         ]
         network = Network(
             base.species,
-            names,
+            tuple(names),
             reactants,
             base.sparse_stoichiometry.picked(base_of),
             base.ways[base_of] * np.where(twice, 2.0, 1.0),
