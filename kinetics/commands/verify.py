@@ -70,7 +70,7 @@ def verify(
     model = applied(*described(asked))
     grid = list(times) or [DURATION / 10, DURATION]
     chosen = [kind() for name, kind in METHODS.items() if method in (ALL, name)]
-    refused = {one.name: one.refusal(model.network) for one in chosen}
+    refused = {one.name: one.unsupported_reason(model.network) for one in chosen}
     if all(refused.values()):
         raise ValueError(f"no such method supports the network: {'; '.join(refused.values())}")
     with progress_line(budget=budget) as progress:

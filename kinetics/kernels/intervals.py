@@ -16,7 +16,7 @@ TINY = 5e-324
 
 
 @compiled
-def wider(low, high, ulps):
+def inflated(low, high, ulps):
     """The interval, larger by some units in the last place on both sides; all numbers where it is undefined."""
     if np.isnan(low) or np.isnan(high):
         return -np.inf, np.inf
@@ -43,12 +43,12 @@ def range_of_wave(code, low, high):
     least, most = min(one, other), max(one, other)
     peak = 0.5 * math.pi if code == op.SINE else 0.0
     valley = peak + math.pi
-    # Where rounding moves a peak just out of the interval, the ends are as high as it within what `wider` adds.
+    # Where rounding moves a peak just out of the interval, the ends are as high as it within what `inflated` adds.
     if peak + 2.0 * math.pi * np.ceil((low - peak) / (2.0 * math.pi)) <= high:
         most = 1.0
     if valley + 2.0 * math.pi * np.ceil((low - valley) / (2.0 * math.pi)) <= high:
         least = -1.0
-    return wider(least, most, 8.0)
+    return inflated(least, most, 8.0)
 
 
 @compiled
@@ -68,7 +68,7 @@ def range_of_one(code, low, high):
     if code in (op.LOG, op.SQRT) and low < 0.0:
         return -np.inf, np.inf
     least, most = of_one(code, low), of_one(code, high)  # these rise
-    return (least, most) if code in (op.FLOOR, op.CEILING) else wider(least, most, 8.0)
+    return (least, most) if code in (op.FLOOR, op.CEILING) else inflated(least, most, 8.0)
 
 
 @compiled
@@ -76,12 +76,12 @@ def range_of_power(a, b, c, d):
     """x**y for x from a to b, y from c to d: monotonic in each, where x is not below 0 or y is one whole number."""
     if a >= 0.0:
         least, most = hull(np.power(a, c), np.power(a, d), np.power(b, c), np.power(b, d))
-        return wider(least, most, 8.0)
+        return inflated(least, most, 8.0)
     if c != d or c != np.floor(c) or (c < 0.0 <= b):
         return -np.inf, np.inf
     one, other = np.power(a, c), np.power(b, c)
     is_even = np.mod(c, 2.0) == 0.0
-    return wider(0.0 if is_even and b > 0.0 and c > 0.0 else min(one, other), max(one, other), 8.0)
+    return inflated(0.0 if is_even and b > 0.0 and c > 0.0 else min(one, other), max(one, other), 8.0)
 
 
 @compiled
@@ -91,17 +91,17 @@ def range_of_two(code, a, b, c, d):
         value = of_two(code, a, c)
         return (-np.inf, np.inf) if np.isnan(value) else (value, value)
     if code == op.ADD:
-        return wider(a + c, b + d, 1.0)
+        return inflated(a + c, b + d, 1.0)
     if code == op.SUBTRACT:
-        return wider(a - d, b - c, 1.0)
+        return inflated(a - d, b - c, 1.0)
     if code == op.MULTIPLY:
         least, most = hull(a * c, a * d, b * c, b * d)
-        return wider(least, most, 1.0)
+        return inflated(least, most, 1.0)
     if code == op.DIVIDE:
         if c <= 0.0 <= d:
             return -np.inf, np.inf
         least, most = hull(a / c, a / d, b / c, b / d)
-        return wider(least, most, 1.0)
+        return inflated(least, most, 1.0)
     if code == op.MODULO:
         if not (c > 0.0 and d < np.inf):
             return -np.inf, np.inf

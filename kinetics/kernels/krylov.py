@@ -6,7 +6,7 @@ BiCGSTAB (van der Vorst 1992, doi:10.1137/0913035), with incomplete factors appl
 import numpy as np
 
 from kinetics.kernels.compiled import compiled
-from kinetics.kernels.incomplete import earned, occupied, occupy, solve
+from kinetics.kernels.incomplete import accumulated, occupied, occupy, solve
 
 
 @compiled
@@ -49,7 +49,7 @@ def correct(
             occupied(begins, columns, rates, exits, far, moved)
         else:
             solve(begins, middles, columns, shares, reduced, far)
-            earned(begins, columns, rates, exits, far, moved)
+            accumulated(begins, columns, rates, exits, far, moved)
         product = 0.0
         for i in range(n):
             moved[i] *= shrinks[i]
@@ -67,7 +67,7 @@ def correct(
             occupied(begins, columns, rates, exits, near, bent)
         else:
             solve(begins, middles, columns, shares, reduced, near)
-            earned(begins, columns, rates, exits, near, bent)
+            accumulated(begins, columns, rates, exits, near, bent)
         product, square = 0.0, 0.0
         for i in range(n):
             bent[i] *= shrinks[i]

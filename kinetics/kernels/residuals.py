@@ -45,7 +45,7 @@ def added(high, low, more_high, more_low):
 
 
 @compiled
-def earned(rows, columns, rates, leaving, high, low, left, sizes):
+def accumulated(rows, columns, rates, leaving, high, low, left, sizes):
     """Take A x from what is `left` (n, 2), where (A x)_i = leaving_i x_i + sum over j of rates_ij (x_i - x_j).
 
     x : pairs, `high` (n,) and `low` (n,); sizes : (n,) grow by the summed sizes of all terms
@@ -64,7 +64,7 @@ def earned(rows, columns, rates, leaving, high, low, left, sizes):
 
 @compiled
 def occupied(rows, columns, rates, leaving, high, low, left, sizes):
-    """Take x A from what is `left` (n, 2): what leaves each state less what comes to it; otherwise as `earned`."""
+    """Take x A from what is `left` (n, 2): what leaves each state less what comes to it; otherwise as `accumulated`."""
     for i in range(leaving.size):
         a, b = scaled(leaving[i], high[i], low[i])
         left[i, 0], left[i, 1] = added(left[i, 0], left[i, 1], -a, -b)

@@ -253,7 +253,7 @@ def reduce(band: Floats, leaving: Floats, exits: Floats) -> int:
 
 
 def solve(band: Floats, exits: Floats, x: Floats) -> None:
-    """What is earned on the way out: `elimination.solve`."""
+    """Reward accumulated until exit: `elimination.solve`."""
     if is_built():
         _divided(call("solve_band", band, exits, x, exits.size, band.shape[1] // 2))
         return
@@ -288,15 +288,15 @@ def take_off(
     is_occupation: bool, rows: Ints, columns: Ints, rates: Floats, leaving: Floats, high: Floats, low: Floats,
     left: Floats, sizes: Floats,
 ) -> None:  # fmt: skip
-    """Take a chain's equations, times a solution in pairs, from what is left: `residuals.occupied`, or `earned`."""
+    """Take a chain's equations at a solution in pairs off the residual: `residuals.occupied`, or `accumulated`."""
     if is_built():
         from_, to = given(rows, np.int64), given(columns, np.int64)
         ways, out = given(rates, float), given(leaving, float)
-        name = "occupied" if is_occupation else "earned"
+        name = "occupied" if is_occupation else "accumulated"
         call(name, from_, to, ways, ways.size, out, out.size, high, low, left, sizes)
         return
 
-    (kernels.residuals.occupied if is_occupation else kernels.residuals.earned)(
+    (kernels.residuals.occupied if is_occupation else kernels.residuals.accumulated)(
         rows, columns, rates, leaving, high, low, left, sizes
     )
 

@@ -55,7 +55,7 @@ class Auto(SamplingMethod):
         size = NetworkSize.of(network, None if initial is None else network.state(initial))
         kinds = [kind for kind in EXACT_METHODS if kind.takes_until or not until]
         methods = [kind() for kind in kinds if self.many or not kind.is_for_ensembles]
-        refusals = [method.refusal(network, size) for method in methods]
+        refusals = [method.unsupported_reason(network, size) for method in methods]
         candidates = [method for method, refusal in zip(methods, refusals, strict=True) if not refusal]
         if not candidates:
             raise ValueError(f"no exact method supports this network: {'; '.join(refusals)}")

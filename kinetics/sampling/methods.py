@@ -126,7 +126,7 @@ def path_method(network: Network) -> SamplingMethod:
     refusals = []
     for kind in EXACT_METHODS:
         method = kind()
-        refusal = method.refusal(network)
+        refusal = method.unsupported_reason(network)
         if not refusal:
             return method
         refusals.append(refusal)

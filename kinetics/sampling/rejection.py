@@ -50,9 +50,9 @@ class CompositionRejection(SamplingMethod):
         few, more = min(size.updated, 14.0), max(size.updated - 14.0, 0.0)
         return 52.0 + 3.5 * few + 1.2 * more + 0.001 * size.n_channels
 
-    def refusal(self, network: Network, size: NetworkSize | None = None) -> str:
+    def unsupported_reason(self, network: Network, size: NetworkSize | None = None) -> str:
         """Why the method does not take the network; there is a limit to the groups of channels, too."""
-        refusal = super().refusal(network, size)
+        refusal = super().unsupported_reason(network, size)
         if refusal or len(network.channels) <= MOST_GROUPS:  # no more groups than channels
             return refusal
         owner, _ = _owners(network, mass_action(network))

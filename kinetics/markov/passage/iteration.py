@@ -177,7 +177,7 @@ class Iteration(Equations):
     def _rest(self, weights: Floats, found: Floats, is_occupation: bool) -> Floats:
         """The residual of a solution, in plain doubles."""
         product = np.empty_like(found)
-        (kernels.incomplete.occupied if is_occupation else kernels.incomplete.earned)(*self._table, found, product)
+        (kernels.incomplete.occupied if is_occupation else kernels.incomplete.accumulated)(*self._table, found, product)
         return weights - product
 
     def _swept(self, left: Floats, is_occupation: bool) -> Floats:

@@ -91,7 +91,7 @@ def _nothing() -> Iterator[Attempt]:
         for kind in methods:
             method = kind()
             what = f"{method.name}, {name}"
-            if isinstance(method, SamplingMethod) and not method.takes(net):
+            if isinstance(method, SamplingMethod) and not method.supports(net):
                 yield refusal(what, partial(method.simulate, net, start, times), "takes")
                 continue
             yield attempt(what, partial(_away, method, net, start, times, end), 1e-13)
@@ -105,7 +105,7 @@ def _consumption() -> Iterator[Attempt]:
     net = Network.from_reactions(reactions, ["2.0"])
     strict = Network.from_reactions(reactions, ["2.0"], at_zero="refuse")
     for method in _samplers():
-        if method.takes(net):
+        if method.supports(net):
             counts = partial(method.simulate, net, [3], [1.0], runs=4000, seed=8)
             what = f"{method.name}, blocked at 0"
             yield attempt(what, lambda counts=counts: departure(counts().counts[:, 0, 0], probabilities), 1.0)

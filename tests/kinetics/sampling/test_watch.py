@@ -47,8 +47,8 @@ def hasty(monkeypatch, events):
 @named
 def test_runs_are_the_same_however_often_kernels_return(method, name, monkeypatch):
     net, initial, end = CASES[name]
-    if not method.takes(net) or (method == LEAPS_ALONE and net is STILL):
-        pytest.skip(method.refusal(net) or "it leaps for ever")
+    if not method.supports(net) or (method == LEAPS_ALONE and net is STILL):
+        pytest.skip(method.unsupported_reason(net) or "it leaps for ever")
     times = np.linspace(0.0, end, 5)
     expected = method.simulate(net, initial, times, runs=20, seed=3, first_run=4).counts
     path = method.sample_path(net, initial, end, seed=3, run=6)

@@ -142,7 +142,7 @@ def test_samplers_follow_the_exact_distribution(method, net, initial, times, ref
     them together do less than once in 5000. By default 20 of the networks are asked.
     """
     paths = 0.1 if any(net is one for _, one, _, _ in FEW) else 0.03  # waits are seen on the few; else, 30 paths each
-    if not method().takes(net):
+    if not method().supports(net):
         with pytest.raises(ValueError, match="takes at most 2"):
             verify(net, method(), initial, times)
         return
@@ -156,7 +156,7 @@ def test_samplers_follow_the_exact_distribution(method, net, initial, times, ref
 @each_network
 @pytest.mark.parametrize("method", SAMPLING_METHODS)
 def test_samplers_follow_the_exact_distribution_to_the_second_digit(method, net, initial, times):
-    if not method().takes(net):
+    if not method().supports(net):
         pytest.skip("the method does not take this network")
     found = verify(net, method(), initial, times, runs=200_000, seed=8, with_power=False)
     assert found.passed, str(found)
