@@ -21,7 +21,7 @@ OBSERVED, PREDICTED = COLOURS[7], COLOURS[0]  # mechanics are black everywhere; 
 
 
 class Limited(NamedTuple):
-    """Values with their limits, arrays of one shape; limits nan where unknown, (0, inf) where nothing was measured."""
+    """Values with their limits, arrays of one shape; limits nan if unknown, (0, inf) where nothing was measured."""
 
     values: ArrayLike
     low: ArrayLike
@@ -223,7 +223,7 @@ def first_times(
 ) -> Axes:
     """Share of runs that have the first copy, with exact pointwise 95 % limits, beside the predicted distribution.
 
-    observed : (n,) first times, nan where none was seen by the horizon; predicted : label, times, distribution function
+    observed : (n,) first times, nan if none was seen by the horizon; predicted : label, times, distribution function
     """
     n = observed.size
     seen = np.sort(observed[np.isfinite(observed)])

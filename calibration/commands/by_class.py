@@ -1,4 +1,4 @@
-"""What `calibrate` and `validate` do with rates by class."""
+"""`calibrate` and `validate` for rates by class."""
 
 from __future__ import annotations
 

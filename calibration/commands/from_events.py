@@ -1,4 +1,4 @@
-"""What `wellmixed calibrate` does with --events: rates from runs that others observed."""
+"""`wellmixed calibrate --events`: rates from tables of observed events."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ def log_score(fit: RateFit, others: PathLikelihood) -> float:
     """Log-likelihood of the breaks of held-out runs under rates from a fit to other runs.
 
     The coefficients are the posterior means under Jeffreys' prior, (events + 1/2) / exposure, because a largest
-    likelihood of 0 would call every break of a channel impossible that the fit has not seen. -inf where a break
+    likelihood of 0 would call every break of a channel impossible that the fit has not seen. -inf if a break
     happened to which the fit had no exposure.
     """
     seen = fit.likelihood.evidence(fit.model)

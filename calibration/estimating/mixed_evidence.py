@@ -34,7 +34,7 @@ class MixedEvidence:
     def mle(self, weights: Floats, held: tuple[int, float] | None = None) -> Floats:
         """Largest log-likelihood (...) at weights (..., P); of `held`, position and value, a coefficient is given.
 
-        Exact; -inf where an event that happened could not. Cost: a logarithm an event and set of weights.
+        Exact; -inf if an event that happened could not. Cost: a logarithm an event and set of weights.
         """
         rows = np.atleast_2d(weights)
         at_most = max(1, MOST_LOGARITHMS // max(len(self.at_events), 1))

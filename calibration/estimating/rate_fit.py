@@ -144,7 +144,7 @@ class RateFit(Shown):
 
         The level is approximate, with an error of order 1 / events; unlike a standard error the limits respect that
         parameters are not negative. They are (0, inf) for a parameter that was not measured, and end with the range of
-        a shape parameter. Where a channel has one term and no shape is fitted, `exact_limits` is the better choice.
+        a shape parameter. If a channel has one term and no shape is fitted, `exact_limits` is the better choice.
         """
         if not 0 < level < 1:
             raise ValueError(f"level = {level}; expected a number between 0 and 1, such as 0.95")

@@ -53,7 +53,7 @@ class ObservedStudy:
 
     @cached_property
     def break_models(self) -> BreakComparison | None:
-        """Break models fitted to the runs; None where none was asked for, or nothing breaks."""
+        """Break models fitted to the runs; None if none was asked for, or nothing breaks."""
         return None if self.breaks is None else BreakComparison.asked_for(self.breaks, self.paths)
 
     @cached_property
@@ -71,7 +71,7 @@ class ObservedStudy:
 
     @property
     def made(self) -> str:
-        """How the runs were made, in a sentence."""
+        """A sentence on how the runs were made."""
         return "Others observed the runs; their tables are the data."
 
     @cached_property

@@ -50,14 +50,14 @@ class CalibrationStudy:
 
     @property
     def made(self) -> str:
-        """How the runs were made, in a sentence."""
+        """A sentence on how the runs were made."""
         if "plan" in self.settings:
             return f"Tanks, runs and lengths are those of the plan {self.settings['plan']}."
         return "Runs start from single cubes and are not restarted: rates are measured along the assembly itself."
 
     @cached_property
     def sound(self) -> list[RunRecord]:
-        """Runs that reached their end; ValueError where none did."""
+        """Runs that reached their end; ValueError if none did."""
         return sound_of(self.outcome)
 
     @cached_property
@@ -78,12 +78,12 @@ class CalibrationStudy:
 
     @property
     def cpu_seconds(self) -> float:
-        """Of all runs."""
+        """The diagnosis of all runs."""
         return sum(record.cost["cpu_seconds"] for record in self.outcome.records)
 
     @property
     def problems(self) -> list[str]:
-        """Runs that were stopped by the guard or given up, in words."""
+        """Runs that were stopped by the guard or given up, as sentences."""
         return problems_of(self.outcome)
 
     @cached_property
@@ -106,7 +106,7 @@ class CalibrationStudy:
 
 
 def check_measurable(scene: Scene, sizes: Sequence[int]) -> None:
-    """ValueError where assembly from so many single cubes could not show every channel, however long it runs."""
+    """ValueError if assembly from so many single cubes could not show every channel, however long it runs."""
     book, derivation = book_of(scene.rules)
     network = derivation.network
     if book.seed() is not None:

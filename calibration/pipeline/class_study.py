@@ -39,7 +39,7 @@ class ClassStudy:
 
     @cached_property
     def sound(self) -> list[RunRecord]:
-        """Runs that reached their end; ValueError where none did."""
+        """Runs that reached their end; ValueError if none did."""
         return sound_of(self.outcome)
 
     @cached_property
@@ -49,7 +49,7 @@ class ClassStudy:
 
     @cached_property
     def spreads(self) -> tuple[ClassSpread, ...]:
-        """Of each constant, whether it serves all that is pooled in it."""
+        """The tests of each constant: does it fit all the channels pooled in it?"""
         return class_spreads(self._books, self.calibration)
 
     @cached_property
@@ -61,7 +61,7 @@ class ClassStudy:
 
     @property
     def problems(self) -> list[str]:
-        """Runs that were stopped by the guard or given up, in words."""
+        """Runs that were stopped by the guard or given up, as sentences."""
         return problems_of(self.outcome)
 
     @property
@@ -108,7 +108,7 @@ class GrowthStudy:
 
     @property
     def problems(self) -> list[str]:
-        """Runs that were stopped by the guard or given up, in words."""
+        """Runs that were stopped by the guard or given up, as sentences."""
         return problems_of(self.outcome)
 
 
@@ -174,7 +174,7 @@ def _copies(n: int, species: str) -> str:
 
 
 def check_held_out_of(spec: RunSpec, rates: ClassRates) -> None:
-    """ValueError where class rates cannot predict these runs, or saw them."""
+    """ValueError if class rates cannot predict these runs, or saw them."""
     if spec.seed in rates.evidence.get("seeds", []):
         raise ValueError(f"the rates were calibrated with seed {spec.seed} too; held-out runs need another --seed")
     if rates.tank is not None and rates.tank != spec.scene.tank.size:

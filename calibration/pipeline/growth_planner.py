@@ -150,7 +150,7 @@ def make_growth_plan(request: PlanRequest, join: float, cost: Cost) -> PlannedGr
     check_starts([RunSpec(scene, start, request.duration, request.seed, 0) for start in compositions.values()])
 
     def joins(cubes: int, duration: float, factor: float = 1.0) -> float:
-        """In a run, mean."""
+        """Mean number of joins in a run."""
         start = {derivation.structures[name]: n for name, n in compositions[cubes].items()}
         grown = grow(book, ClassRates.uniform(factor * join), start, duration, GROWTHS, request.seed)
         if grown.interrupted:  # fewer runs make no plan

@@ -38,7 +38,7 @@ class ValidationStudy(ComparedSizes):
 
     @property
     def problems(self) -> list[str]:
-        """Runs that were stopped by the guard or given up, in words."""
+        """Runs that were stopped by the guard or given up, as sentences."""
         return problems_of(self.outcome)
 
 

@@ -1,4 +1,4 @@
-"""What a plan is to reach; and of any plan what it will show, at which cost, and what it does not reach."""
+"""The aims of a plan, and of any plan its power, cost and shortfalls."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class PlanRequest:
 class HeldOutTest:
     """The power of held-out runs of one size for one group of channels.
 
-    needed : runs that reach the power; None where `held_out.MOST_RUNS` do not
+    needed : runs that reach the power; None if `held_out.MOST_RUNS` do not
     limit : power that no number of runs exceeds, because the calibration leaves its uncertainty
     """
 
@@ -70,7 +70,7 @@ class HeldOutTest:
     limit: float
 
     def to_dict(self, runs: int) -> dict[str, Any]:
-        """With so many runs planned, ready for JSON."""
+        """The power with so many runs planned, ready for JSON."""
         return {
             "cubes": self.cubes,
             "group": self.power.group,

@@ -47,13 +47,13 @@ def pictured_run(scene: Scene, runs_folder: str | Path, *, cubes: int = 60, dura
 
 
 def problems_of(outcome: Outcome) -> list[str]:
-    """Runs that were stopped by the guard or given up, in words."""
+    """Runs that were stopped by the guard or given up, as sentences."""
     stopped = [f"{r.spec.title}: {r.outcome}" for r in outcome.records if not r.completed]
     return stopped + [f"{q.spec.title}: given up: {q.reasons[-1]}" for q in outcome.quarantined]
 
 
 def diagnosed(records: Sequence[RunRecord], fit: RateFit | Rates | None) -> Diagnosis:
-    """By pieces too, where all records know the cubes of their events."""
+    """The diagnosis of runs; rebinding is also tested by cubes, if all records know those of their events."""
     bonds = [record.arrays["bonds"] for record in records if "bonds" in record.arrays]
     return diagnose([record.path for record in records], fit, bonds if len(bonds) == len(records) else None)
 

@@ -42,7 +42,7 @@ def allocate(events: ArrayLike, costs: ArrayLike, needed: float) -> Ints:
     events : (K, G) events of each kind in a run of each tank; costs : (K,) of a run, above 0
 
     The linear programme is solved exactly. Its runs, of at most G tanks, are rounded up, and what the rounding made
-    superfluous is left out again, the dearest first: at most G runs above the least.
+    superfluous is left out again, the most expensive first: at most G runs above the least.
     ValueError: a kind of which no tank shows events.
     """
     table = reals("events", events, (None, None), minimum=0)
@@ -66,7 +66,7 @@ def allocate(events: ArrayLike, costs: ArrayLike, needed: float) -> Ints:
 
 
 def affordable(events: ArrayLike, costs: ArrayLike, budget: float) -> Ints:
-    """The runs (K,) of the smallest width whose cost is within a budget; all 0 where even the cheapest is above it."""
+    """The runs (K,) of the smallest width whose cost is within a budget; all 0 if even the cheapest is above it."""
     table, prices = np.asarray(events, dtype=float), np.asarray(costs, dtype=float)
     best = np.zeros(len(prices), dtype=np.int64)
     low, high = math.log(1e-6), math.log(MOST_EVENTS)

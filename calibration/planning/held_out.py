@@ -19,7 +19,7 @@ MOST_RUNS = 1000
 
 
 def runs_for(found: GroupPower, wanted: float) -> int | None:
-    """Fewest runs, at least 2, with a power; None where `MOST_RUNS` do not reach it."""
+    """Fewest runs, at least 2, with a power; None if `MOST_RUNS` do not reach it."""
     runs = range(2, MOST_RUNS + 1)
     fewest = bisect_left(runs, wanted, key=found.power)
     return runs[fewest] if fewest < len(runs) else None

@@ -73,7 +73,7 @@ def calibration_report(study: CalibrationStudy | ObservedStudy) -> HtmlReport:
 
 
 def validation_report(study: ValidationStudy, rules: Sequence[Bar] = ()) -> HtmlReport:
-    """How predictions stand against held-out runs; `rules` of a plan, and what came of them."""
+    """The report of predictions against held-out runs; `rules` : the bars of a plan, with results."""
     return HtmlReport("Held-out runs", _rule_parts(rules) + _validation_parts(study), study.rates.evidence)
 
 
@@ -121,7 +121,7 @@ def about_not_seen(calibration: Calibration) -> str:
 
 
 def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Part]:
-    """The diagnostics of a set of runs: verdicts in words, all p-values, and of each test its most doubtful figure.
+    """The diagnostics of a set of runs: verdicts, all p-values, and for each test its most doubtful figure.
 
     name : of the tables and charts; two sets of runs in one report need two
     """
@@ -150,7 +150,7 @@ def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Par
 
 
 def _break_parts(compared: BreakComparison) -> list[Part]:
-    """Break models side by side; the shape in words, its intervals at 95 %."""
+    """Break models side by side; the shape as text, its intervals at 95 %."""
     rows = [row | {"shape": shape_in_words(row["shape"])} for row in compared.table()]
     return [
         Heading("What breaks a bond"),
@@ -216,7 +216,7 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
 
 
 def _event_table(study: ValidationStudy) -> list[dict[str, Any]]:
-    """Rows of events, the size in words."""
+    """Rows of events, with the size as text."""
     return [{k: v for k, v in row.to_dict().items() if k not in ("cubes", "tank")} for row in study.events]
 
 

@@ -73,7 +73,7 @@ class Text:
 class ReportTable:
     """A table of a report. A named one is also written as CSV if files are requested.
 
-    rows : mappings from column to number or text; the columns are those of the first row, named in words
+    rows : mappings from column to number or text; the columns are those of the first row, with readable names
 
     >>> from calibration import ReportTable
     >>> table = ReportTable("Rates", [{"channel": "bind", "rate": 0.0123456}])

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 class Cost:
     """CPU seconds: of `ssa_runs` SSA runs, and of the exact solution at all times.
 
-    exact is nan where there is no exact solution.
+    exact is nan if there is no exact solution.
     """
 
     ssa: float
@@ -49,10 +49,10 @@ class CrossValidation(Shown):
     ssa_mean : mean of SSA runs at the posterior mean of each rate constant
     predicted_mean, predicted_sd : mean, and sd of a single run, at these rates; solved where the state space is small
         enough, otherwise those of the SSA runs
-    predicted_error : standard error of `predicted_mean` by sampling; 0 where that is exact
+    predicted_error : standard error of `predicted_mean` by sampling; 0 if that is exact
     low, high : predicted band of the mean of n runs, from intrinsic noise and the uncertainty of the rates; it holds
         `predicted_mean`
-    z : (observed_mean - predicted_mean) over the predicted sd of that difference; nan where nothing varies
+    z : (observed_mean - predicted_mean) over the predicted sd of that difference; nan if nothing varies
     misfit, p_misfit : mean squared z of the observed mean among predicted groups of n runs; share of groups with at
         least this misfit
     coverage : share of times and species (after time 0) at which the observed mean lies inside the predicted band
@@ -106,7 +106,7 @@ class CrossValidation(Shown):
 
     @property
     def headline(self) -> str:
-        """Of what, and how many runs beside how many predicted groups."""
+        """One line: the name of the comparison, and the numbers of runs and predicted groups."""
         return f"{self.name}: {self.runs} held-out runs, compared with {self.groups} predicted groups of as many"
 
     def summary(self) -> ResultTable:

@@ -79,7 +79,7 @@ class GrowthComparison(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """Of what, and how many runs beside how many predicted groups."""
+        """One line: the label of the comparison, and the numbers of runs and predicted groups."""
         return f"{self.label}, {self.runs} runs, compared with {self.groups} predicted groups of as many"
 
     def summary(self) -> ResultTable:
@@ -123,7 +123,7 @@ class GrowthComparison(Shown, Tabular):
 
     @property
     def sentence(self) -> str:
-        """The verdict; where some checks cannot fail, which, and how many groups it takes."""
+        """The verdict; if some checks cannot fail, which, and how many groups it takes."""
         if not self.cannot_fail:
             return self.verdict.sentence
         needed = math.ceil(2 * (len(self.events) + len(self.curves)) / LEVEL) - 1

@@ -1,7 +1,7 @@
 """How surely events of held-out runs show that rates are off: one rule, for plans and for verdicts.
 
 The test is that of `event_rows`: the rank of seen / expected events, where rate times exposure of the held-out runs
-themselves is expected. The mere number of events would hardly depend on the rates once most cubes are used up.
+themselves is expected. The number of events alone would hardly depend on the rates once most cubes are used up.
 """
 
 from __future__ import annotations

@@ -25,6 +25,7 @@ PACKAGES = {
     "mechsim": "Scenes, runs of the mechanics, and the store that keeps them.",
     "calibration": "Rates from paths, with intervals, models, diagnostics and validation.",
 }
+WIDE_TABLES = ".md-typeset table:not([class]) :is(th, td) { min-width: 0; padding: .7em .8em }"  # fit the page
 SCHEMAS = """# JSON schemas
 
 Every command takes `--json` and then prints one object on standard output. The files below are JSON Schema (draft
@@ -40,6 +41,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, name, abs_src_path=str(ROOT / name)))
     for package, text in PACKAGES.items():
         files.append(File.generated(config, f"api/{package}.md", content=reference(package, text)))
+    files.append(File.generated(config, "tables.css", content=WIDE_TABLES))
     files.append(File.generated(config, "commands.md", content=command_page()))
     files.append(File.generated(config, "schemas.md", content=schema_page()))
     return files

@@ -24,7 +24,7 @@ ENDING = 0.5  # of the time that the process took to start: what it takes to end
 
 
 def time_since_start() -> float:
-    """Wall time since the process began that was started for this command, s; 0 where it was called from Python.
+    """Wall time since the process began that was started for this command, s; 0 if it was called from Python.
 
     Where no /proc tells it, the CPU time that was used, which is not more.
     """

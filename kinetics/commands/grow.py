@@ -16,7 +16,7 @@ from kinetics.runs.truncation import TruncatedRunsError, Truncation
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.declared import count_option
+from kinetics.support.cli.declared import count_option, files_option
 from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
     NumbersCommand,
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 MAX_FINAL = 50  # structures in JSON
 SHOWN_FINAL = 5  # for people
-MAX_WIDTH = 100  # of a structure in words
+MAX_WIDTH = 100  # of a structure as text
 FRAMES = 8  # of a strip
 
 
@@ -77,11 +77,9 @@ FRAMES = 8  # of a strip
     default=MAX_EVENTS,
     help="Maximum number of events in a run; results end where a run would exceed it.",
 )
-@click.option(
+@files_option(
     "--strip",
     "strips",
-    metavar="FILE",
-    multiple=True,
     callback=picture_of,
     help="Draw the growth of the first run as a strip of pictures: PNG, PDF or SVG; may be repeated.",
 )

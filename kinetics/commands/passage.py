@@ -40,7 +40,7 @@ from kinetics.support.tables import figure, in_unit, of_unit, text_table
 if TYPE_CHECKING:
     from kinetics.markov.derivatives import Derivatives
     from kinetics.markov.passage import Passage
-    from kinetics.network import Model, Tank
+    from kinetics.network import Model
     from kinetics.rates import BookRates, Rates
 
 MOST = 1_000_000  # states
@@ -116,7 +116,7 @@ def passage(
     with too many states, --truncate gives bounds.
     """
     began = time.process_time()
-    model, rates, tank = given = described(asked)
+    model, rates = given = described(asked)
     counted = model.counted(species)
     if truncate is not None and (plot_files or with_sensitivity):
         raise ValueError("--truncate gives bounds, for which there is neither --plot nor --sensitivity; leave one out")
@@ -129,7 +129,7 @@ def passage(
     with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:
         progress("solving for the first-passage time")
         if truncate is None:
-            made = predict_passage(model, rates, None, counted, copies, seed, draws, tank)
+            made = predict_passage(model, rates, None, counted, copies, seed, draws)
             found, mean, notes, network = made.passage, made.mean, made.notes, made.network
         else:
             network = applied(*given).network
@@ -244,7 +244,7 @@ def _sensitivities(model: Model, species: Counted, copies: int, found: Passage) 
 
 def _sample(
     asked: ModelOptions,
-    given: tuple[Model, Rates | BookRates | None, Tank | None],
+    given: tuple[Model, Rates | BookRates | None],
     species: str,
     copies: int,
     numbers: tuple[int, int, float],

@@ -10,7 +10,7 @@ from kinetics.predicting.scanning import scan as make
 from kinetics.predicting.scanning.answering import tell_questions
 from kinetics.predicting.scanning.pictures import draw_scan, size_of
 from kinetics.support import plots
-from kinetics.support.cli.declared import count_option, default_option
+from kinetics.support.cli.declared import count_option, default_option, files_option
 from kinetics.support.cli.failures import CHECKED, INTERRUPTED, keep
 from kinetics.support.cli.options import (
     HeadedCommand,
@@ -69,11 +69,9 @@ from kinetics.support.output import write_whole
     help="Folder in which points are kept; a point that is already there is not answered again.",
 )
 @csv_option
-@click.option(
+@files_option(
     "--parquet",
     "parquet_files",
-    metavar="FILE",
-    multiple=True,
     callback=table_of("pandas", "pyarrow"),
     help="Write the table to this Parquet file; may be repeated.",
 )

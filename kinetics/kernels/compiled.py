@@ -3,7 +3,7 @@
 Numba's own `cache=True` watches the file of a function alone: where a function that it calls lies in another file and
 is edited, the old machine code silently stays in use. Here compiled code lies in a folder named by a hash of all
 kernel sources, so kernels may call each other across files and a shared step is written once. Kernels are imported
-when they are needed; where sources were edited meanwhile, the process runs on and writes nothing to the cache.
+when they are needed; if sources were edited meanwhile, the process runs on and writes nothing to the cache.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ class KernelRoom:
         self.sources = sources_hash(folder)
 
     def look(self) -> None:
-        """Note whether the sources are still those hashed; they are read again only where a file looks changed."""
+        """Note whether the sources are still those hashed; they are read again only if a file looks changed."""
         try:
             files = file_states(self.folder)
             if files != self._files:
@@ -192,7 +192,7 @@ def file_states(folder: Path) -> set[tuple[str, int, int, int]]:
 
 
 def sources_hash(folder: Path) -> str:
-    """Of all that decides what the kernels in a folder compile to: their sources, this file, and Numba's version."""
+    """A hash of all that kernels in a folder are compiled from: their sources, this file, and Numba's version."""
     seen = hashlib.sha256(numba.__version__.encode())
     for path in (Path(__file__), *sorted(folder.glob("*.py"))):
         text = path.read_bytes()

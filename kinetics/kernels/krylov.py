@@ -19,7 +19,7 @@ def correct(
     begins, middles, columns, shares, reduced : incomplete factors, see `incomplete.reduce`
     rates, exits : the equations; is_occupation : of x A, else of A x
     memory (4, n), numbers (3,) : what one call leaves for the next, so that each may be short; `done` rounds so far
-    Returns the number of rounds, at most `most`, and whether no more are needed; where the method breaks down, it
+    Returns the number of rounds, at most `most`, and whether no more are needed; if the method breaks down, it
     stops with what it has.
     """
     n = exits.size

@@ -1,4 +1,4 @@
-"""What is left of a chain's linear equations by a solution, in double-double arithmetic, about 104 bits.
+"""Residuals of a chain's linear equations, in double-double arithmetic, about 104 bits.
 
 Sums without error by Knuth, products by Dekker (1971, doi:10.1007/BF01397083), additions of pairs as in Joldes, Muller
 & Popescu (2017, doi:10.1145/3121432): each adds 2**-104 of its result at most. Products below 2**-969 lose digits.

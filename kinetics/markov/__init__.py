@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from kinetics.markov.prism_model import prism_text as prism_text
     from kinetics.markov.questions import ask as ask
     from kinetics.markov.sensitivity import Sensitivity as Sensitivity
-    from kinetics.markov.sensitivity import passage_sensitivity as passage_sensitivity
     from kinetics.markov.sensitivity import sensitivity_to as sensitivity_to
 
 __getattr__, __dir__ = lazy_names(__name__)

@@ -30,7 +30,7 @@ class Reward:
 
     None is negative; either may be None, for nothing.
 
-    most : largest rate at which it accumulates where the chain is truncated, impulses included; None where nobody knows
+    most : largest rate at which it accumulates where the chain is truncated, impulses included; None if unknown
     error : relative, of `rates` and `impulses`
 
     >>> from kinetics import Chain, Reward
@@ -47,7 +47,7 @@ class Reward:
 
 
 def checked_parts(given: Mapping[str, Any]) -> dict[str, Any]:
-    """The parts of a `Chain` by name, as arrays that belong together; a ValueError where they do not.
+    """The parts of a `Chain` by name, as arrays that belong together; a ValueError if they do not.
 
     Conditions of labels may name variables, that of the truncated states labels too, and formulas of rewards both.
     """
@@ -107,7 +107,7 @@ def _transitions_of(generator: Any) -> Transitions:
 
 
 def checked_rates(generator: Any) -> csr_array:
-    """The rates off the diagonal (N, N) of a generator, or as they are; a ValueError where they are none.
+    """The rates off the diagonal (N, N) of a generator, or as they are; a ValueError if they are none.
 
     It is taken for a generator where its diagonal holds anything: its rows must then sum to zero.
     """
@@ -185,7 +185,7 @@ def checked_mask(name: str, given: Any, n: int) -> NDArray[np.bool_]:
 
 
 def checked_names(names: Mapping[str, Any], what: str, taken: Mapping[str, Any]) -> None:
-    """A ValueError where a name is no text, empty, or that of a variable."""
+    """A ValueError if a name is no text, empty, or that of a variable."""
     for name in names:
         if not isinstance(name, str) or not name or '"' in name:
             raise ValueError(f"{name!r} is no name of a {what}; expected text without quotes")

@@ -128,7 +128,7 @@ def write_explicit(chain: Chain, path: str | Path) -> None:
 
 
 def _check_written(chain: Chain, file: Path, contents: Mapping[Path, str]) -> None:
-    """A ValueError where these files, read back, are another chain; names may be spelled otherwise."""
+    """A ValueError if these files, read back, are another chain; names may be spelled otherwise."""
     with scratch_folder({path.name: text for path, text in contents.items()}) as folder:
         try:
             again = read_explicit(folder / file.name)

@@ -2,7 +2,7 @@
 
 Whether a target is reached through given states is settled in the target, and outside these states; a reward
 until a target, in the target. A chain that stops there has the same answer and fewer states, perhaps finitely many
-where the network has no end.
+if the network is infinite.
 """
 
 from __future__ import annotations

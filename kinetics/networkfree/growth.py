@@ -89,7 +89,7 @@ class Growth(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """How much happened, in which tank, for how long."""
+        """One line: the numbers of events and cubes, and the time."""
         return f"{len(self.times)} events among {self.n_cubes} cubes until {self.end:g} tu, network-free"
 
     def summary(self) -> ResultTable:
@@ -184,7 +184,7 @@ class Growth(Shown, Tabular):
         return shown
 
     def to_dataframe(self) -> pd.DataFrame:
-        """One row per event: time in tu, the structures consumed and those produced, in words."""
+        """One row per event: time in tu, the structures consumed and those produced, as text."""
         names = [*map(str, self.structures), ""]  # NOTHING picks the last
         sides = {
             name: [" + ".join(filter(None, (names[s] for s in pair))) for pair in side.tolist()]
@@ -245,7 +245,7 @@ class Growths(Shown):
 
     @property
     def headline(self) -> str:
-        """How many runs, of what, for how long."""
+        """One line: the numbers of runs and cubes, and the time."""
         first = self.runs[0]
         return f"{len(self.runs)} network-free runs of {first.n_cubes} cubes until {first.end:g} tu"
 

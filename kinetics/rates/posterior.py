@@ -84,7 +84,7 @@ class RatesPosterior:
         return np.asarray((each / each.sum(axis=1, keepdims=True)).T[:, self.expansion.base_of])
 
     def exposures_at(self, points: Floats) -> list[Floats | None]:
-        """Exposure (G,) of each rate at shapes (G, S); None where it does not depend on them.
+        """Exposure (G,) of each rate at shapes (G, S); None if it does not depend on them.
 
         ValueError: a rate whose exposure is known at the points of the shape's posterior alone, and another shape.
         """

@@ -48,7 +48,7 @@ class Auto(SamplingMethod):
     most_factors: ClassVar[float] = inf
 
     def choose(self, network: Network, initial: Counts | None = None, until: bool = False) -> SamplingMethod:
-        """The method chosen for this network, from these counts if given; a ValueError where none takes it.
+        """The method chosen for this network, from these counts if given; a ValueError if none takes it.
 
         until : whether runs are to end at a condition
         """

@@ -247,7 +247,7 @@ def _horizon(times: ArrayLike) -> float:
 
 
 def check_numbers(runs: int, threads: int | None, first_run: int) -> None:
-    """Raise a ValueError where one of these arguments of `simulate` is no whole number, or too small."""
+    """Raise a ValueError if one of these arguments of `simulate` is no whole number, or too small."""
     whole_number("runs", runs, 1)
     whole_number("first_run", first_run, 0)
     if threads is not None:

@@ -15,7 +15,7 @@ from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints
 
 FEWEST_DRAWS, MOST_DRAWS = 256, 16384  # of a call to a kernel
-NO_TIMES, NO_CHANNELS = np.empty(0), np.empty(0, dtype=np.int64)  # where nobody asks for events
+NO_TIMES, NO_CHANNELS = np.empty(0), np.empty(0, dtype=np.int64)  # if no events are asked for
 
 
 class BufferedSampler:

@@ -32,8 +32,8 @@ class Direct(SamplingMethod):
 
     An event costs about 25 ns plus 2.1 ns per channel; channels that change the counts alike count as one, see
     `sampling.merging`. Choose it for single runs of networks with up to some tens of channels, where no other exact
-    method here is faster. Where it is cheaper, an event updates only the propensities that it changed, by a dependency
-    graph like that of Gibson & Bruck (2000, doi:10.1021/jp993732q); where none are merged, the runs are the same, to
+    method here is faster. If it is cheaper, an event updates only the propensities that it changed, by a dependency
+    graph like that of Gibson & Bruck (2000, doi:10.1021/jp993732q); if none are merged, the runs are the same, to
     the last bit.
 
     >>> from kinetics import Direct, Network, simulate

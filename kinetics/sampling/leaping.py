@@ -34,11 +34,11 @@ CAUTION = 2.0  # counts may fall after the start, by which `auto` chooses
 class Leaping(SamplingMethod):
     """Exact leaping, an exact sampling method whose cost an event falls as 1 / sqrt(copies).
 
-    fewest : events that a leap should be expected to hold; where it would hold fewer, single events are drawn. By
+    fewest : events that a leap should be expected to hold; if it would hold fewer, single events are drawn. By
         default 1.5 times as many as cost what a leap costs, and at the start of a run 1,024 single ones; 0: leaps alone
 
     Numbers of events are drawn from a bounded Poisson process, whose candidates are thinned (Lewis & Shedler 1979,
-    doi:10.1002/nav.3800260304); where their order could matter, it is followed by bisection, down to single events if
+    doi:10.1002/nav.3800260304); if their order could matter, it is followed by bisection, down to single events if
     need be. So no event is decided by an approximation: counts at all times together have the distribution of the
     direct method, at small counts too. A leap costs about 2 us plus 0.25 us per channel and holds of the order of
     sqrt(copies) events, the smallest count that matters deciding; each time of the output costs some 3 us more. Single
@@ -64,7 +64,7 @@ class Leaping(SamplingMethod):
             raise ValueError(f"fewest = {self.fewest}; expected a number of events of at least 0, or None")
 
     def cost(self, size: NetworkSize) -> float:
-        """Processor time of an event, ns, with some caution; inf where single events could cost more than in `ssa`."""
+        """Processor time of an event, ns, with some caution; inf if single events could cost more than in `ssa`."""
         if not size.leap_events or recomputing_cost(size) > updating_cost(size):
             return inf
         return CAUTION * leap_cost(size) / size.leap_events

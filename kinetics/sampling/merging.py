@@ -74,7 +74,7 @@ def _found_representatives(network: Network) -> Ints:
 
 
 def _used_up(network: Network) -> Ints:
-    """(R,) the first species of which a channel leaves fewer copies; -1 where there is none."""
+    """(R,) the first species of which a channel leaves fewer copies; -1 if there is none."""
     change = network.sparse_stoichiometry
     falls = np.flatnonzero(change.copies < 0)[::-1]
     used = np.full(len(network.channels), -1)

@@ -72,7 +72,7 @@ def simulate(
         rates, or more counts than memory holds
     TypeError: neither a name nor a sampling method
 
-    The result holds all counts, (runs, T, S). Where these are too many for memory, `simulate_statistics` keeps their
+    The result holds all counts, (runs, T, S). If these are too many for memory, `simulate_statistics` keeps their
     statistics alone.
 
     >>> from kinetics import Network, simulate

@@ -32,7 +32,7 @@ class Outlook:
             self.terms = list(zip(self.coefficients.tolist(), map(list, factors), strict=True))
 
     def total(self, counts: Ints, time: float) -> float:
-        """Sum of the propensities at counts (S,), 1/tu; inf or nan where it is beyond double."""
+        """Sum of the propensities at counts (S,), 1/tu; inf or nan if it is beyond double."""
         if self.terms is None:
             return float(self.rates(counts[None].astype(float), time).sum())
         copies, total = [*map(float, counts.tolist()), 1.0], 0.0
@@ -43,18 +43,18 @@ class Outlook:
         return total
 
     def rates(self, counts: Floats, time: float) -> Floats:
-        """Propensities (n, R) at counts (n, S), 1/tu; inf or nan where they are beyond double."""
+        """Propensities (n, R) at counts (n, S), 1/tu; inf or nan if they are beyond double."""
         from kinetics.network.laws.program import evaluate
 
         padded = np.column_stack([counts, np.ones(len(counts))])
         with np.errstate(all="ignore"):
             found: Floats = self.coefficients * np.maximum(padded[:, self.species] - self.taken, 0.0).prod(axis=2)
             for r, program in self.laws:
-                found[:, r] = self.network.ways[r] * self.network.known_rates[r] * evaluate(program, counts, time)  # type: ignore[arg-type]
+                found[:, r] = self.network.ways[r] * self.network.known_rates[r] * evaluate(program, counts, time)
         return found
 
     def largest(self, counts: Ints, time: float) -> tuple[str, float]:
-        """The channel with the largest propensity at counts (S,), and that; "" where there is no channel."""
+        """The channel with the largest propensity at counts (S,), and that; "" if there is no channel."""
         if not self.network.channels:
             return "", 0.0
         rates = np.nan_to_num(self.rates(counts[None].astype(float), time)[0], nan=np.inf, posinf=np.inf)

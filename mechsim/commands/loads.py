@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from kinetics.support.cli.declared import files_option
 from kinetics.support.cli.options import echo_json, json_option, picture_of, write_plots
 from mechsim.inspection.poses import record_at
 from mechsim.runs.store import RunStore
@@ -21,13 +22,8 @@ from mechsim.runs.store import RunStore
     type=click.FloatRange(min=0, min_open=True),
     help="Threshold at which to extrapolate rates of breaks; may be repeated.  [default: that of the runs]",
 )
-@click.option(
-    "--plot",
-    "plot_files",
-    metavar="FILE",
-    multiple=True,
-    callback=picture_of,
-    help="Draw the tails of loads by struck species; may be repeated.",
+@files_option(
+    "--plot", "plot_files", callback=picture_of, help="Draw the tails of loads by struck species; may be repeated."
 )
 @json_option
 def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot_files: tuple[str, ...], as_json: bool) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.declared import count_option, default_option
+from kinetics.support.cli.declared import count_option, default_option, files_option
 from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import counts_of, echo_json, json_option, picture_of, plot_option, seed_option
 from kinetics.support.cli.study_folder import RUNS, SCENE, is_filled, or_study_folder, start_of
@@ -50,19 +50,15 @@ if TYPE_CHECKING:
     type=float,
     help="Interval at which the poses of all cubes are recorded, tu.  [default: never]",
 )
-@click.option(
+@files_option(
     "--picture",
     "pictures",
-    metavar="FILE",
-    multiple=True,
     callback=picture_of,
     help="Draw the tank at the end of the first run, whose poses are then recorded; may be repeated.",
 )
-@click.option(
+@files_option(
     "--growth",
     "growth_files",
-    metavar="FILE",
-    multiple=True,
     callback=picture_of,
     help="Draw how the largest structure of the first run grew, each stage with the time at which it formed; may be "
     "repeated.",

@@ -113,7 +113,7 @@ def spread_test(
 
     Statistic: squares of seen less expected events, each over the expected number (Pearson), or, not `by_expected`, as
     they are. The mean of (n - kx)^2 is that of kx whatever ends the exposure x, as n - kx is a martingale; that of
-    (n - kx)^2 / kx is above 1 where an event uses up its own reactant, and so ends x early.
+    (n - kx)^2 / kx is above 1 if an event uses up its own reactant, and so ends x early.
 
     Every group needs exposure, there are two or more, and one event at least.
     """
@@ -150,7 +150,7 @@ def trend_test(channels: Sequence[Trended], rng: np.random.Generator) -> tuple[f
     scores = [c / np.sqrt(variance) for c in centred]
 
     def tilted(slope: float) -> Independent:
-        """Of counts whose rates do go as exp(slope * score)."""
+        """A proposal whose rates go as exp(slope * score)."""
         logs = [slope * score for score in scores]
         shifted = [share * np.exp(log - log.max()) for share, log in zip(shares, logs, strict=True)]
         return Independent([Multinomial(*each) for each in zip(sums, shifted, shares, strict=True)])

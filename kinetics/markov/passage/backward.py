@@ -39,7 +39,7 @@ def steps_until(transitions: Transitions, time: float, spare: float = SPARE) -> 
 def expected_at(transitions: Transitions, start: Floats, values: Floats, time: float) -> Answer:
     """Mean of `values` (N,), none negative, over the states at a time, tu.
 
-    The steps are q t and a margin for the tails; ValueError where they are too many.
+    The steps are q t and a margin for the tails; ValueError if they are too many.
     """
     return BackwardPass(transitions, start, values).at(time)
 
@@ -80,7 +80,7 @@ def expected_from_all(transitions: Transitions, values: Floats, time: float) -> 
 class BackwardPass:
     """Means of `values` (N,), none negative, from a start (N,) at any times; the pass goes on where a time needs more.
 
-    Only states that are reached and lead to a value are stepped through. Where no value changes by more than a step
+    Only states that are reached and lead to a value are stepped through. If no value changes by more than a step
     rounds, later ones change no more, because P is positive: they are taken as they are.
     """
 

@@ -44,7 +44,7 @@ class Elimination(Equations):
     error : bound on the relative error of every number that comes out
 
     Every figure is a ratio of sums of spanning forests, products of one rate out of each state. So a relative error of
-    e in the rates out of m states changes it by 2 m e at most (O'Cinneide 1993, doi:10.1007/BF01385743). Where a step
+    e in the rates out of m states changes it by 2 m e at most (O'Cinneide 1993, doi:10.1007/BF01385743). If a step
     reroutes the rates out of a state, each of them rounds five times: exit rate (twice), share, product, sum. The steps
     count these states.
     """
@@ -94,7 +94,7 @@ class Elimination(Equations):
         return found / (1.0 - self.error) if self.error < 0.1 else np.full_like(found, np.inf)
 
     def _back(self, x: Floats) -> Floats:
-        """From the order of the band to that of the caller."""
+        """Values reordered from the order of the band to the caller's."""
         result = np.empty_like(x)
         result[self._order] = x
         return result

@@ -35,7 +35,7 @@ DIGITS = 1e-12  # by which one round may reduce a residual
 
 
 class Comparison(NamedTuple):
-    """A vector w > 0 (n,), and v > 0 (n,) with A w >= v, proven; inf where there is none."""
+    """A vector w > 0 (n,), and v > 0 (n,) with A w >= v, proven; inf if there is none."""
 
     wide: Floats
     reached: Floats
@@ -49,7 +49,7 @@ class Comparison(NamedTuple):
 class Iteration(Equations):
     """The equations of a chain by BiCGSTAB with incomplete factors: see `kernels.krylov`, `kernels.incomplete`.
 
-    Cost: some tens of passes over the rates. Where it does not converge, bounds are wide or inf.
+    Cost: some tens of passes over the rates. If it does not converge, bounds are wide or inf.
     """
 
     def _factor(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
@@ -153,9 +153,9 @@ class Iteration(Equations):
         return found
 
     def _comparison(self, like: Floats, is_occupation: bool, known: Floats | None = None) -> Comparison:
-        """Of a vector as large as the solution, times the jumps that the chain has left.
+        """The comparison vector from one as large as the solution, times the jumps that the chain has left.
 
-        known : (n,) what A makes of `like` at least; where that is even, it is the vector
+        known : (n,) what A makes of `like` at least; if that is even, it is the vector
         """
         if known is not None and (known > EVEN * self._exits * like).all():
             return Comparison(like.copy(), 0.999 * known)
@@ -201,6 +201,6 @@ class Iteration(Equations):
 
 
 def _unit(values: Floats) -> float:
-    """The power of two that takes the largest value to `LARGEST`; 1 where there is none."""
+    """The power of two that takes the largest value to `LARGEST`; 1 if there is none."""
     largest = float(values.max(initial=0.0))
     return float(np.ldexp(1.0, min(LARGEST - int(np.frexp(largest)[1]), 1000))) if 0.0 < largest < np.inf else 1.0

@@ -47,7 +47,7 @@ class Stationary(Shown, Tabular):
     error : relative error of every probability down to 1e-290, rounding of the rates included; smaller probabilities
         may be lost
     is_bound : whether the error is proven; not by a rate law that cannot be bounded
-    space : the states of the network behind the chain, if there is one; ValueError where counts are asked for without
+    space : the states of the network behind the chain, if there is one; ValueError if counts are asked for without
 
     >>> from kinetics import Network, stationary
     >>> found = stationary(Network.from_text("A <-> B, 2, 3"), {"A": 2})
@@ -242,7 +242,7 @@ def _rest_within(transitions: Transitions, members: NDArray[np.intp]) -> tuple[F
 
 
 def _by_iteration(chain: Transitions) -> tuple[Floats, float]:
-    """Between visits to a likely state: of a first guess, then of what a rough solution says."""
+    """Solve between visits to a likely state: first a guessed one, then the likeliest of a rough solution."""
     guess = _guessed(chain)
     for _ in range(ANCHORS):
         anchor = int(np.argmax(guess))
@@ -264,7 +264,7 @@ def _guessed(chain: Transitions) -> Floats:
 
 
 def _by_factors(chain: Transitions) -> tuple[Floats, float]:
-    """Between visits to a likely state: first one where the likeliest jumps end, then the likeliest."""
+    """Solve between visits to a likely state: first the one where the likeliest jumps end, then the likeliest."""
     fastest = np.lexsort((chain.rates, chain.rows))
     last = np.append(np.flatnonzero(np.diff(chain.rows[fastest])), chain.rows.size - 1)
     likeliest = chain.columns[fastest[last]]

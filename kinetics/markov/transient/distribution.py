@@ -61,7 +61,7 @@ class Distribution(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """How much it holds."""
+        """One line: the numbers of states and times."""
         return f"probabilities of {len(self.space)} states at {self.times.size} times"
 
     def summary(self) -> ResultTable:

@@ -80,6 +80,7 @@ class RadauStep:
         jump : (N,) u at -1 minus what it should be
         """
         tables = self._tables
+        # The collocation equations in Schur form, block by block from the last: a complex solve for every two points.
         wanted = (np.outer(jump, tables.start) - defect @ tables.values[1:].T) @ tables.rotation
         turned = np.empty_like(wanted)
         for block in range(len(self._factors) - 1, -1, -1):

@@ -23,7 +23,7 @@ class Transitions(NamedTuple):
     No state leads to itself; two entries of one place add up.
 
     rate_error : bound on the relative error of each rate, in roundings of 2**-53: 0 for rates that are what they are,
-        `RATE_ERROR` by mass action, more by rate laws; inf where there is none, and so no proven error of a solution
+        `RATE_ERROR` by mass action, more by rate laws; inf if there is none, and so no proven error of a solution
     channels : (K,) the channel behind each entry, where they are those of a network
 
     >>> from kinetics import Network, reachable

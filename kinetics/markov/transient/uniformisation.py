@@ -41,7 +41,7 @@ class Arrays(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DiscreteChain:
-    """The uniformised chain of a generator; where exits exceed the rates that stay inside, it loses mass.
+    """The uniformised chain of a generator; if exits exceed the rates that stay inside, it loses mass.
 
     rate : q, 1/tu
     arrays : inflows and exits of every state as shares of q
@@ -146,6 +146,7 @@ def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Float
     if not chain.arrays.exits.any():
         return Mixtures(np.tile(start, (len(times), 1)), np.zeros_like(start), 0.0)
     means = [chain.rate * float(time) for time in times]
+    # p(t) = sum over k of Poisson(k; q t) p P^k; each time needs a window of k, and all share the steps.
     windows = [poisson_window(mean, tolerance / 2) for mean in means]
     ends = np.array([first + weights.size for first, weights in windows])
     firsts = np.array([first for first, _ in windows])
@@ -159,6 +160,7 @@ def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Float
         end = min(begin + block, n_steps)
         vectors[0] = vectors[-1]
         twins.advance(*chain.arrays, vectors[: end - begin + 1], flows[: end - begin])
+        # Expected events on the way, for the bound on rounding: flow of step k times the chance of more than k steps.
         jumps += float((flows[: end - begin] * tails[begin:end]).sum())
         stays += vectors[: end - begin].sum(axis=0)
         active = np.flatnonzero((firsts < end) & (ends > begin))
@@ -166,9 +168,11 @@ def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Float
             weights = _weights_between(begin, end, [windows[i] for i in active])
             twins.mix(active, weights, vectors[: end - begin], mixed)
         last, left = end - begin, n_steps - end
+        # Steady-state detection: P enlarges no difference, so all later steps move p by at most `left` last changes.
         drift = 1.01 * left * float(np.abs(vectors[last] - vectors[last - 1]).sum())
         flow = float(flows[last - 1])
         if left and drift <= chain.rounding(left, left * flow, min(chain.rate_error, RATE_ERROR)):
+            # The steps not taken get the last vector in their place.
             shares = np.array([weights[max(end - first, 0) :].sum() for first, weights in windows])
             mixed += shares[:, None] * vectors[last]
             stays += left * vectors[last]

@@ -41,7 +41,7 @@ class Ranking(Shown, Tabular):
         runs without one by the horizon count as the horizon
     cubes, possible, horizon : number of free cubes at time 0, number of targets they could make, and horizon, tu
     notes : what a reader must know about the figures
-    draws : number of draws of the rates; 0 where no rate has evidence
+    draws : number of draws of the rates; 0 if no rate has evidence
     unfinished : books not reached before Ctrl-C
 
     >>> from kinetics import ClassRates, rank
@@ -107,7 +107,7 @@ class Ranking(Shown, Tabular):
         return f"{len(self.books)} rule books by {self.by}, {self.cubes} cubes until {self.horizon:g} tu: {best}"
 
     def summary(self) -> ResultTable:
-        """One row per book, then what the figures mean."""
+        """A table with a row per book, and notes on the figures."""
         titles = ("", "book", "joins", "letters", "yield", "first (tu)", "reached", "CPU (s)")
         rows = []
         for place, candidate in zip(self.places, self.books, strict=True):

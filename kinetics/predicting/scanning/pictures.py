@@ -47,7 +47,7 @@ class DrawnScan(Protocol):
         ...
 
     def words(self, what: str) -> Any:
-        """How it was answered (n1, n2, ..., Q)."""
+        """Text on each answer (n1, n2, ..., Q), such as its method."""
         ...
 
 

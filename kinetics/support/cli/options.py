@@ -17,7 +17,7 @@ import numpy as np
 from kinetics.support import plots
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.declared import POSITIVE, count_option, default_option
+from kinetics.support.cli.declared import POSITIVE, count_option, default_option, files_option
 from kinetics.support.cli.progress import BUDGET
 from kinetics.support.cli.study_folder import BOOK, is_filled, or_study_folder, rates_of, start_of
 from kinetics.support.output import check_target, write_whole
@@ -90,21 +90,11 @@ def _files(value: str | tuple[str, ...] | None) -> tuple[str, ...]:
     return value if isinstance(value, tuple) else () if value is None else (value,)
 
 
-csv_option = click.option(
-    "--csv",
-    "csv_files",
-    metavar="FILE",
-    multiple=True,
-    callback=table_of("pandas"),
-    help="Write a table to this CSV file; may be repeated.",
+csv_option = files_option(
+    "--csv", "csv_files", callback=table_of("pandas"), help="Write a table to this CSV file; may be repeated."
 )
-plot_option = click.option(
-    "--plot",
-    "plot_files",
-    metavar="FILE",
-    multiple=True,
-    callback=picture_of,
-    help="Write a figure to this PNG, PDF or SVG file; may be repeated.",
+plot_option = files_option(
+    "--plot", "plot_files", callback=picture_of, help="Write a figure to this PNG, PDF or SVG file; may be repeated."
 )
 
 

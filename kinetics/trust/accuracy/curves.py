@@ -20,7 +20,8 @@ from kinetics.predicting.accuracy import AskedAccuracy
 from kinetics.predicting.adaptive import adaptive_prediction
 from kinetics.predicting.job import Job
 from kinetics.runs import EnsembleStatistics
-from kinetics.sampling import Direct, Leaping, Lockstep, SamplingMethod, simulate_statistics
+from kinetics.sampling import Direct, Leaping, Lockstep, SamplingMethod
+from kinetics.sampling.streamed import streamed
 from kinetics.support.arrays import Floats, Ints
 from kinetics.trust.accuracy.distances import Certainty, Marginals
 from kinetics.trust.accuracy.peers import ExpmMultiply, rate_equation
@@ -80,11 +81,8 @@ def sampled(method: SamplingMethod) -> Callable[[Task, float, int], Result]:
         # No run is used twice: settings are powers of ten, and 40 times one stays below 20 times the next.
         first_run = (MOST_REPEATS + repeat) * runs
         network, initial, times, seed = task
-        return _whole(
-            simulate_statistics(
-                network, method, initial, times, runs, seed, threads=1, first_run=first_run, covariances=False
-            )
-        )
+        source = method.source(network, network.state(initial), seed)
+        return _whole(streamed(network, source, times, runs, 1, first_run, covariances=False))
 
     return make
 

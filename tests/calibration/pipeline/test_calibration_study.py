@@ -72,6 +72,6 @@ def test_channels_without_events_are_named():
     runs = [Exposure(line_network(), [5, 0, 1, 2, 3, 4, 0, 0], [9.0] * 7 + [0.0])]
     assert not_seen(estimate(runs)) == ["1+2->3", "4->1+3"]
     said = about_not_seen(estimate(runs))
-    assert said.startswith("Not seen: 1+2->3, 4->1+3. Of a rate without events ")
+    assert said.startswith("Not seen: 1+2->3, 4->1+3. For a rate without events ")
     assert "Not measured: 4->2+2. " in said
     assert about_not_seen(estimate([Exposure(line_network(), [1] * 8, [9.0] * 8)])) == ""

@@ -11,7 +11,7 @@ from known_systems import line, network
 from numpy.testing import assert_array_equal
 from sampled_networks import MIXED, THIRD_ORDER
 
-from kinetics import Network, predict, simulate, simulate_statistics
+from kinetics import Model, Network, predict, simulate, simulate_statistics
 from kinetics.kernels import outcomes
 from kinetics.runs import TruncatedRunsError
 from kinetics.sampling import SAMPLING_METHODS, Leaping, exposures_of_draws, simulate_posterior, watch
@@ -65,8 +65,8 @@ def test_draws_are_the_same_however_often_kernels_return(monkeypatch):
     constants = np.outer([1.0, 2.0], net.known_rates)
 
     def everything():
-        counts = list(simulate_posterior(net, constants, initial, [10.0, 100.0], runs=9, seed=3, threads=2))
-        both = list(exposures_of_draws(net, constants, initial, 100.0, runs=9, seed=3))
+        counts = list(simulate_posterior(Model.of(net, initial), constants, [10.0, 100.0], runs=9, seed=3, threads=2))
+        both = list(exposures_of_draws(Model.of(net, initial), constants, 100.0, runs=9, seed=3))
         return [*counts, *(table for pair in both for table in pair)]
 
     expected = everything()
