@@ -10,81 +10,41 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from calibration.estimating.break_comparison import BreakComparison
-    from calibration.estimating.break_fit import fit_breaks
-    from calibration.estimating.diagnosing import DIAGNOSTICS
-    from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
-    from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
-    from calibration.estimating.estimate import Calibration, RateEstimate, estimate
-    from calibration.estimating.exposure import Exposure, count, pooled
-    from calibration.estimating.models import RATE_MODELS, Crowded, MassActionRates, Weibull
-    from calibration.estimating.net_path import net_path
-    from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, compare_fits, fit_rates
-    from calibration.estimating.rate_model import RateModel
-    from calibration.reporting.report import Chart, Heading, HtmlReport, ReportTable, Text
-    from calibration.validating.comparison import CrossValidation
-    from calibration.validating.crossvalidation import crossvalidate
-    from calibration.validating.first_times import FirstTimeComparison, compare_first_times
-    from kinetics.rates.breaks import ShapeParameter
-    from kinetics.support.intervals import exact_limits
+    from calibration.estimating.break_comparison import BreakComparison as BreakComparison
+    from calibration.estimating.break_fit import fit_breaks as fit_breaks
+    from calibration.estimating.diagnosing import DIAGNOSTICS as DIAGNOSTICS
+    from calibration.estimating.diagnosing.base import Diagnostic as Diagnostic
+    from calibration.estimating.diagnosing.base import DiagnosticResult as DiagnosticResult
+    from calibration.estimating.diagnosing.diagnosis import Diagnosis as Diagnosis
+    from calibration.estimating.diagnosing.diagnosis import diagnose as diagnose
+    from calibration.estimating.estimate import Calibration as Calibration
+    from calibration.estimating.estimate import RateEstimate as RateEstimate
+    from calibration.estimating.estimate import estimate as estimate
+    from calibration.estimating.exposure import Exposure as Exposure
+    from calibration.estimating.exposure import count as count
+    from calibration.estimating.exposure import pooled as pooled
+    from calibration.estimating.models import RATE_MODELS as RATE_MODELS
+    from calibration.estimating.models import Crowded as Crowded
+    from calibration.estimating.models import MassActionRates as MassActionRates
+    from calibration.estimating.models import Weibull as Weibull
+    from calibration.estimating.net_path import net_path as net_path
+    from calibration.estimating.rate_fit import LikelihoodRatio as LikelihoodRatio
+    from calibration.estimating.rate_fit import RateFit as RateFit
+    from calibration.estimating.rate_fit import compare_fits as compare_fits
+    from calibration.estimating.rate_fit import fit_rates as fit_rates
+    from calibration.estimating.rate_model import RateModel as RateModel
+    from calibration.reporting.report import Chart as Chart
+    from calibration.reporting.report import Heading as Heading
+    from calibration.reporting.report import HtmlReport as HtmlReport
+    from calibration.reporting.report import ReportTable as ReportTable
+    from calibration.reporting.report import Text as Text
+    from calibration.validating.comparison import CrossValidation as CrossValidation
+    from calibration.validating.crossvalidation import crossvalidate as crossvalidate
+    from calibration.validating.first_times import FirstTimeComparison as FirstTimeComparison
+    from calibration.validating.first_times import compare_first_times as compare_first_times
+    from kinetics.rates.breaks import ShapeParameter as ShapeParameter
+    from kinetics.support.intervals import exact_limits as exact_limits
 
 __project__ = "wellmixed"  # by which the command knows that this is ours
 
-_HOMES = {
-    "calibration.estimating.break_comparison": ("BreakComparison",),
-    "calibration.estimating.break_fit": ("fit_breaks",),
-    "calibration.estimating.diagnosing": ("DIAGNOSTICS",),
-    "calibration.estimating.diagnosing.base": ("Diagnostic", "DiagnosticResult"),
-    "calibration.estimating.diagnosing.diagnosis": ("Diagnosis", "diagnose"),
-    "calibration.estimating.estimate": ("Calibration", "RateEstimate", "estimate"),
-    "calibration.estimating.exposure": ("Exposure", "count", "pooled"),
-    "calibration.estimating.models": ("RATE_MODELS", "Crowded", "MassActionRates", "Weibull"),
-    "calibration.estimating.net_path": ("net_path",),
-    "calibration.estimating.rate_fit": ("LikelihoodRatio", "RateFit", "compare_fits", "fit_rates"),
-    "calibration.estimating.rate_model": ("RateModel",),
-    "kinetics.rates.breaks": ("ShapeParameter",),
-    "calibration.reporting.report": ("Chart", "Heading", "HtmlReport", "ReportTable", "Text"),
-    "calibration.validating.comparison": ("CrossValidation",),
-    "calibration.validating.crossvalidation": ("crossvalidate",),
-    "calibration.validating.first_times": ("FirstTimeComparison", "compare_first_times"),
-    "kinetics.support.intervals": ("exact_limits",),
-}
-
-__all__ = [
-    "DIAGNOSTICS",
-    "RATE_MODELS",
-    "BreakComparison",
-    "Calibration",
-    "Chart",
-    "CrossValidation",
-    "Crowded",
-    "Diagnosis",
-    "Diagnostic",
-    "DiagnosticResult",
-    "Exposure",
-    "FirstTimeComparison",
-    "Heading",
-    "HtmlReport",
-    "LikelihoodRatio",
-    "MassActionRates",
-    "RateEstimate",
-    "RateFit",
-    "RateModel",
-    "ReportTable",
-    "ShapeParameter",
-    "Text",
-    "Weibull",
-    "compare_first_times",
-    "compare_fits",
-    "count",
-    "crossvalidate",
-    "diagnose",
-    "estimate",
-    "exact_limits",
-    "fit_breaks",
-    "fit_rates",
-    "net_path",
-    "pooled",
-]
-
-__getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from kinetics.support.arrays import Floats, divided
 from kinetics.support.intervals import binomial_limits
+from kinetics.support.packages import stats
 from kinetics.support.plots import COLOURS
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ OBSERVED, PREDICTED = COLOURS[7], COLOURS[0]  # mechanics are black everywhere; 
 
 
 class Limited(NamedTuple):
-    """Values with their limits, arrays of one shape; limits nan where unknown, (0, inf) where nothing was measured."""
+    """Values with their limits, arrays of one shape; limits nan if unknown, (0, inf) where nothing was measured."""
 
     values: ArrayLike
     low: ArrayLike
@@ -90,10 +91,8 @@ def homogeneity(ax: Axes, channel: str, labels: Sequence[str], rates: Limited, p
 
 def drift(ax: Axes, channel: str, positions: Floats) -> Axes:
     """Share of events by share of integrated hazard (n,), with the band that 95 % of steady rates keep to."""
-    from scipy.stats import kstwo
-
     n = positions.size
-    reach = kstwo.ppf(0.95, n)
+    reach = stats.kstwo.ppf(0.95, n)
     ax.fill_between(
         [0, 1], [-reach, 1 - reach], [reach, 1 + reach], color=OBSERVED, alpha=0.2, linewidth=0, label="95 % if steady"
     )
@@ -111,11 +110,9 @@ def drift(ax: Axes, channel: str, positions: Floats) -> Axes:
 
 def seen_and_expected(ax: Axes, title: str, seen: int, expected: float) -> Axes:
     """Events seen beside the Poisson distribution about those expected."""
-    from scipy.stats import poisson
-
-    low, high = (float(poisson.ppf(q, expected)) for q in (1e-4, 1 - 1e-4))
+    low, high = (float(stats.poisson.ppf(q, expected)) for q in (1e-4, 1 - 1e-4))
     counts = np.arange(max(low, 0), max(high, 3) + 1)
-    ax.bar(counts, poisson.pmf(counts, expected), color=OBSERVED, alpha=0.3, label=f"{expected:.3g} expected")
+    ax.bar(counts, stats.poisson.pmf(counts, expected), color=OBSERVED, alpha=0.3, label=f"{expected:.3g} expected")
     ax.axvline(seen, color=PREDICTED, label=f"{seen} seen")
     ax.set_xlabel("inverse joins within the window")
     ax.set_ylabel("probability")
@@ -167,14 +164,12 @@ def planned_shares(ax: Axes, tanks: Sequence[str], amounts: Mapping[str, Sequenc
 
 def waiting_times(ax: Axes, name: str, residuals: Floats) -> Axes:
     """Survival of waits (n,) in units of their mean; a straight line if they are exponential."""
-    from scipy.stats import binom
-
     residuals = np.sort(residuals)
     n = residuals.size
     x = np.linspace(0.0, max(4.0, residuals.max(initial=0.0)), 200)
     ax.plot(x, np.exp(-x), color=OBSERVED, label="exponential")
     if n:
-        low, high = (binom.ppf(q, n, np.exp(-x)) / n for q in (0.025, 0.975))
+        low, high = (stats.binom.ppf(q, n, np.exp(-x)) / n for q in (0.025, 0.975))
         ax.fill_between(x, low, high, color=OBSERVED, alpha=0.2, linewidth=0, label="95 % of samples of this size")
         survival = 1 - np.arange(n + 1) / n
         ax.step(np.append(0.0, residuals), survival, where="post", color=PREDICTED, label=f"{n} waits")
@@ -228,7 +223,7 @@ def first_times(
 ) -> Axes:
     """Share of runs that have the first copy, with exact pointwise 95 % limits, beside the predicted distribution.
 
-    observed : (n,) first times, nan where none was seen by the horizon; predicted : label, times, distribution function
+    observed : (n,) first times, nan if none was seen by the horizon; predicted : label, times, distribution function
     """
     n = observed.size
     seen = np.sort(observed[np.isfinite(observed)])

@@ -10,127 +10,66 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from kinetics.markov import Chain, Reward, Sensitivity, committor, first_passage, stationary
-    from kinetics.markov.passage import Committor, Passage, RareEvent, Stationary, rare_event
-    from kinetics.markov.transient import (
-        Collocation,
-        Dense,
-        Distribution,
-        FiniteStateProjection,
-        StateSpace,
-        Transient,
-        reachable,
-        solve,
-    )
-    from kinetics.network import Model, Network, Tank
-    from kinetics.networkfree import Growth, Growths, grow
-    from kinetics.predicting import PassagePrediction, Prediction, predict, predict_passage
-    from kinetics.predicting.ranking import Ranking, rank
-    from kinetics.predicting.scanning import Scan, scan
-    from kinetics.rates import ChannelRate, ClassRates, Convention, Rates
-    from kinetics.rates.breaks import BREAK_MODELS, BreakModel, break_model
-    from kinetics.runs import RESTART, Ensemble, EnsembleStatistics, FirstTimes, JumpPath
-    from kinetics.sampling import (
-        Auto,
-        CompositionRejection,
-        Direct,
-        General,
-        Leaping,
-        Lockstep,
-        PartialPropensities,
-        sample_path,
-        simulate,
-        simulate_statistics,
-    )
-    from kinetics.support.answer import Answer
-    from kinetics.trust import Verification, verify
+    from kinetics.markov import Chain as Chain
+    from kinetics.markov import Reward as Reward
+    from kinetics.markov import Sensitivity as Sensitivity
+    from kinetics.markov import committor as committor
+    from kinetics.markov import first_passage as first_passage
+    from kinetics.markov import stationary as stationary
+    from kinetics.markov.passage import Committor as Committor
+    from kinetics.markov.passage import Passage as Passage
+    from kinetics.markov.passage import RareEvent as RareEvent
+    from kinetics.markov.passage import Stationary as Stationary
+    from kinetics.markov.passage import rare_event as rare_event
+    from kinetics.markov.transient import Collocation as Collocation
+    from kinetics.markov.transient import Dense as Dense
+    from kinetics.markov.transient import Distribution as Distribution
+    from kinetics.markov.transient import FiniteStateProjection as FiniteStateProjection
+    from kinetics.markov.transient import StateSpace as StateSpace
+    from kinetics.markov.transient import Transient as Transient
+    from kinetics.markov.transient import reachable as reachable
+    from kinetics.markov.transient import solve as solve
+    from kinetics.network import Model as Model
+    from kinetics.network import Network as Network
+    from kinetics.network import Tank as Tank
+    from kinetics.networkfree import Growth as Growth
+    from kinetics.networkfree import Growths as Growths
+    from kinetics.networkfree import grow as grow
+    from kinetics.predicting import PassagePrediction as PassagePrediction
+    from kinetics.predicting import Prediction as Prediction
+    from kinetics.predicting import predict as predict
+    from kinetics.predicting import predict_passage as predict_passage
+    from kinetics.predicting.ranking import Ranking as Ranking
+    from kinetics.predicting.ranking import rank as rank
+    from kinetics.predicting.scanning import Scan as Scan
+    from kinetics.predicting.scanning import scan as scan
+    from kinetics.rates import ChannelRate as ChannelRate
+    from kinetics.rates import ClassRates as ClassRates
+    from kinetics.rates import Convention as Convention
+    from kinetics.rates import Rates as Rates
+    from kinetics.rates.breaks import BREAK_MODELS as BREAK_MODELS
+    from kinetics.rates.breaks import BreakModel as BreakModel
+    from kinetics.rates.breaks import break_model as break_model
+    from kinetics.runs import RESTART as RESTART
+    from kinetics.runs import Ensemble as Ensemble
+    from kinetics.runs import EnsembleStatistics as EnsembleStatistics
+    from kinetics.runs import FirstTimes as FirstTimes
+    from kinetics.runs import JumpPath as JumpPath
+    from kinetics.sampling import Auto as Auto
+    from kinetics.sampling import CompositionRejection as CompositionRejection
+    from kinetics.sampling import Direct as Direct
+    from kinetics.sampling import General as General
+    from kinetics.sampling import Leaping as Leaping
+    from kinetics.sampling import Lockstep as Lockstep
+    from kinetics.sampling import PartialPropensities as PartialPropensities
+    from kinetics.sampling import sample_path as sample_path
+    from kinetics.sampling import simulate as simulate
+    from kinetics.sampling import simulate_statistics as simulate_statistics
+    from kinetics.support.answer import Answer as Answer
+    from kinetics.trust import Verification as Verification
+    from kinetics.trust import verify as verify
 
 __version__ = "0.2.0.dev0"
 __project__ = "wellmixed"  # by which the command knows that this is ours
 
-_HOMES = {
-    "kinetics.rates.breaks": ("BREAK_MODELS", "BreakModel", "break_model"),
-    "kinetics.markov": ("Chain", "Reward", "Sensitivity", "committor", "first_passage", "stationary"),
-    "kinetics.network": ("Model", "Network", "Tank"),
-    "kinetics.networkfree": ("Growth", "Growths", "grow"),
-    "kinetics.markov.passage": ("Passage", "RareEvent", "Committor", "Stationary", "rare_event"),
-    "kinetics.predicting": ("PassagePrediction", "Prediction", "predict", "predict_passage"),
-    "kinetics.predicting.ranking": ("Ranking", "rank"),
-    "kinetics.rates": ("ChannelRate", "ClassRates", "Convention", "Rates"),
-    "kinetics.runs": ("RESTART", "Ensemble", "EnsembleStatistics", "FirstTimes", "JumpPath"),
-    "kinetics.sampling": (
-        *("Auto", "CompositionRejection", "Direct", "General", "Leaping", "Lockstep", "PartialPropensities"),
-        *("sample_path", "simulate", "simulate_statistics"),
-    ),
-    "kinetics.predicting.scanning": ("Scan", "scan"),
-    "kinetics.markov.transient": (
-        *("Collocation", "Dense", "Distribution", "FiniteStateProjection", "StateSpace", "Transient"),
-        *("reachable", "solve"),
-    ),
-    "kinetics.support.answer": ("Answer",),
-    "kinetics.trust": ("Verification", "verify"),
-}
-
-__all__ = [
-    "BREAK_MODELS",
-    "RESTART",
-    "Answer",
-    "Auto",
-    "BreakModel",
-    "Chain",
-    "ChannelRate",
-    "ClassRates",
-    "Collocation",
-    "Committor",
-    "CompositionRejection",
-    "Convention",
-    "Dense",
-    "Direct",
-    "Distribution",
-    "Ensemble",
-    "EnsembleStatistics",
-    "FiniteStateProjection",
-    "FirstTimes",
-    "General",
-    "Growth",
-    "Growths",
-    "JumpPath",
-    "Leaping",
-    "Lockstep",
-    "Model",
-    "Network",
-    "PartialPropensities",
-    "Passage",
-    "PassagePrediction",
-    "Prediction",
-    "Ranking",
-    "RareEvent",
-    "Rates",
-    "Reward",
-    "Scan",
-    "Sensitivity",
-    "StateSpace",
-    "Stationary",
-    "Tank",
-    "Transient",
-    "Verification",
-    "__version__",
-    "break_model",
-    "committor",
-    "first_passage",
-    "grow",
-    "predict",
-    "predict_passage",
-    "rank",
-    "rare_event",
-    "reachable",
-    "sample_path",
-    "scan",
-    "simulate",
-    "simulate_statistics",
-    "solve",
-    "stationary",
-    "verify",
-]
-
-__getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__)

@@ -147,7 +147,7 @@ def test_no_two_rooms_need_each_other():
         "from kinetics import b",
         "def g():\n    return importlib.import_module('kinetics.b').f",
         "def g():\n    return __import__('kinetics.b', fromlist=['f'])",
-        "_HOMES = {'kinetics.b': ('f',)}",
+        "HOMES = {'kinetics.b': ('f',)}",
     ],
 )
 def test_a_circle_is_seen(source):

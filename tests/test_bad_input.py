@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from kinetics.support.extras import EXTRAS
+from kinetics.support.packages import EXTRAS
 from mechsim.world.engines import engine_named
 
 ROOT = Path(__file__).parents[1]

@@ -20,7 +20,7 @@ from kinetics.sampling.methods import BY_NAME as SAMPLING
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads processor time from /proc")
 ALLOWED = 1.5  # s of processor time after the signal, in which a process also ends
 PATIENCE = 60.0  # s of the clock
-TRIES, FEW = 100, 12
+TRIES, FEW = 100, 8
 TICK = os.sysconf("SC_CLK_TCK")
 
 # Every line of work below takes minutes.

@@ -143,5 +143,5 @@ def test_what_may_be_there_is_not(cell):
 def test_rates_without_evidence_have_no_shares(tmp_path):
     out = run_here("predict", *TABLE3, 4, "--times", 10, "--elasticity", cwd=tmp_path).out
     assert "(nan %)" not in out
-    assert "no shares: the rates come without evidence" in out
+    assert "no shares of variance: the rates have no evidence" in out
     assert Rates.load("table3").has_evidence is False

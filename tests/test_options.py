@@ -11,7 +11,7 @@ from command_line import run_here
 from command_tree import commands
 from json_outputs import command_of
 
-from kinetics.support.extras import EXTRAS
+from kinetics.support.packages import EXTRAS
 
 ROOT = Path(__file__).parents[1]
 LINE = ("line4", "--rates", "table3", "--cubes", 6)

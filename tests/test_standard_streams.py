@@ -26,7 +26,6 @@ COMMANDS = {
     "predict": (PREDICT, 0),
     "json": ([*PREDICT, "--json"], 0),
     "csv": ([*PREDICT, "--csv", "table.csv"], 0),
-    "plot": ([*PREDICT, "--plot", "figure.svg"], 0),
     "ask": (["ask", "line4", "--rates", "table3", "--cubes", "4", "P=? [ F quadmer>=1 ]"], 0),
     "rules check": (["rules", "check", "line4"], 0),
     "a check that finds errors": (["rules", "check", "line4_as_printed"], CHECKED),

@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 from calibration.commands.shared import seed_option
+from calibration.pipeline.by_point import PointRuns, most_seen, rates_by_point
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.options import echo_json, json_option
 from kinetics.support.output import write_whole
+from kinetics.support.plots import save
 from kinetics.support.tables import columns, csv_text, rounded
+from mechsim.runs.store import RunStore
+from mechsim.studies.study import Study
 
 if TYPE_CHECKING:
     from calibration.pipeline.by_point import RatesByPoint
@@ -57,10 +61,6 @@ def rates(
     Points of one scene should have the same rates, whatever their number of cubes. The first times of each point are
     therefore compared with the first-passage distribution of the Markov chain under the rates of the other points.
     """
-    from calibration.pipeline.by_point import PointRuns, rates_by_point
-    from mechsim.runs.store import RunStore
-    from mechsim.studies.study import Study
-
     described, store = Study.load(study), RunStore.found(runs_folder)
     points = []
     for point in described.chosen(choices):
@@ -87,9 +87,6 @@ def rates(
 
 def _save(found: RatesByPoint, name: str, folder: Path) -> list[str]:
     """Both tables, and the figures, each whole or not at all."""
-    from calibration.pipeline.by_point import most_seen
-    from kinetics.support.plots import save
-
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for kind, rows in (("rates", found.rates_table()), ("predicted", found.first_table())):

@@ -39,8 +39,8 @@ class BreakComparison(Shown):
     (`fits_by_partner`), and the chosen one's rates come from that fit.
 
     fits : in the order of `BREAK_MODELS`
-    fits_by_partner : those of them that call no break impossible that was seen; none where no partners were recorded
-    within : tu, longest time between the two breaks of one collision; None where the runs do not resolve it
+    fits_by_partner : those of them that call no break impossible that was seen; none if no partners were recorded
+    within : tu, longest time between the two breaks of one collision; None if the runs do not resolve it
 
     >>> from dataclasses import replace
     >>> from calibration import BreakComparison
@@ -70,7 +70,7 @@ class BreakComparison(Shown):
 
     @classmethod
     def asked_for(cls, name: str, paths: Iterable[JumpPath], within: float | None = None) -> BreakComparison | None:
-        """Fit one break model, or all of them for `auto`; None where nothing breaks.
+        """Fit one break model, or all of them for `auto`; None if nothing breaks.
 
         ValueError: an unknown model, or one that this network does not admit.
         """
@@ -126,7 +126,7 @@ class BreakComparison(Shown):
         return f"{_why(first, self.fits)}; by who broke what, {by_partner}"
 
     def ratio(self, fit: RateFit) -> LikelihoodRatio | None:
-        """Likelihood-ratio test of a fit against the model that it extends; None where there is none here."""
+        """Likelihood-ratio test of a fit against the model that it extends; None if there is none here."""
         nested = getattr(fit.model, "breaks").nested  # noqa: B009 - only fits of break models are held here
         known = {each.model.name: each for each in self.fits}
         return fit.test_against(known[nested]) if nested in known else None

@@ -14,8 +14,10 @@ from calibration.estimating.likelihood import PathLikelihood
 from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, fit_rates
 from calibration.estimating.shape_posterior import shape_posterior
 from kinetics.network import Network
+from kinetics.rates import Rates
 from kinetics.rates.breaks import BreakModel, is_break
 from kinetics.runs import JumpPath
+from kinetics.support.packages import special
 from kinetics.support.settings import validated
 
 if TYPE_CHECKING:
@@ -77,7 +79,7 @@ def log_score(fit: RateFit, others: PathLikelihood) -> float:
     """Log-likelihood of the breaks of held-out runs under rates from a fit to other runs.
 
     The coefficients are the posterior means under Jeffreys' prior, (events + 1/2) / exposure, because a largest
-    likelihood of 0 would call every break of a channel impossible that the fit has not seen. -inf where a break
+    likelihood of 0 would call every break of a channel impossible that the fit has not seen. -inf if a break
     happened to which the fit had no exposure.
     """
     seen = fit.likelihood.evidence(fit.model)
@@ -92,8 +94,6 @@ def deviance(fit: RateFit) -> LikelihoodRatio:
     The p-value is by the chi-square distribution, for which a group should expect a few breaks. A channel without any
     break fits by itself: it adds neither to the statistic nor to the degrees of freedom.
     """
-    from scipy.special import chdtrc, xlogy
-
     groups: dict[tuple[object, ...], list[JumpPath]] = {}
     for path in fit.likelihood.paths:
         groups.setdefault((path.tank, *path.initial.tolist()), []).append(path)
@@ -105,16 +105,18 @@ def deviance(fit: RateFit) -> LikelihoodRatio:
         seen.append(sum(np.bincount(path.channels[path.channels >= 0], minlength=width)[chosen] for path in paths))
     n, mean = np.array(seen, dtype=float), np.array(expected, dtype=float)
     possible = mean > 0
-    statistic = 2 * float((xlogy(n[possible], n[possible] / mean[possible]) - n[possible] + mean[possible]).sum())
+    statistic = 2 * float(
+        (special.xlogy(n[possible], n[possible] / mean[possible]) - n[possible] + mean[possible]).sum()
+    )
     shape = sum(parameter.name not in fit.fixed for parameter in fit.model.shape)
     freedom = int(possible.sum()) - int(possible.any(axis=0).sum()) - shape
-    return LikelihoodRatio(statistic, freedom, float(chdtrc(freedom, statistic)) if freedom > 0 else float("nan"))
+    return LikelihoodRatio(
+        statistic, freedom, float(special.chdtrc(freedom, statistic)) if freedom > 0 else float("nan")
+    )
 
 
 def rates_of_fit(calibration: Calibration, fit: RateFit, evidence: Mapping[str, Any] | None = None) -> Rates:
     """The rates of joins as measured, and of breaks by the fit of a break model to the same runs."""
-    from kinetics.rates import Rates
-
     plain = calibration.rates(evidence)
     model = fit.model
     if not isinstance(model, BreaksBySpecies):

@@ -24,7 +24,7 @@ class BreakRates(RateModel):
     """Propensity N b sum over partners w_Y pairs_Y of every break; joins are not covered.
 
     breaks : the break model
-    tank : where the coefficients hold; None where the runs do not know their tank
+    tank : where the coefficients hold; None if the runs do not know their tank
     values : the shape parameters, in the order of the model's
     by_partner : whether the likelihood is that of who broke what, where a run names the partner; else of the breaks
     """
@@ -107,7 +107,7 @@ class BreaksBySpecies(BreakRates):
 
 @dataclass(frozen=True, kw_only=True)
 class BreaksBySize(BreakRates):
-    """Partners are bodies of 1, 2, ... `largest` cubes, then the wall, then nobody: any networks can be pooled."""
+    """Partners are bodies of 1, 2, ... `largest` cubes, then the wall, then none: any networks can be pooled."""
 
     largest: int
 
@@ -148,7 +148,7 @@ class BreaksBySize(BreakRates):
     def _around(self, path: JumpPath) -> tuple[Floats, Floats, Ints]:
         """Partners (E + 1, P) in each state, partners (S, P) that a structure is itself, and what breaks (R,).
 
-        All are in the tank of the coefficients. A join has the first species, whose numbers nobody asks for.
+        All are in the tank of the coefficients. A join has the first species, whose numbers are not used.
         """
         rarer, wall = self.scales(path)
         sizes = body_sizes(path.network)

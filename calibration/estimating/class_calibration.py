@@ -88,7 +88,7 @@ class ClassFit(RateFit):
 
         Intervals are those of a count in a known exposure (Garwood 1936), given the shape and the way in which events
         of several classes were shared out. The evidence of a more general key is cut down to what the scatter between
-        its members leaves of it, so that it covers classes that no run had. Where constants go by sizes, that evidence
+        its members leaves of it, so that it covers classes that no run had. If constants go by sizes, that evidence
         is added to each member's own (empirical Bayes: Efron & Morris 1973, doi:10.1080/01621459.1973.10481350):
         classes are many and their events few, and half an event for each, by Jeffreys' prior, would be too many.
         """
@@ -121,7 +121,7 @@ class ClassCalibration:
     sharings : what classes may have in common to share a constant, to choose from
 
     Which classes share a constant, and which break model holds, is decided by AIC: the fewest parameters within 2 of
-    the smallest. Where a model with partners wins and the runs name the partners, its constants and shape come from the
+    the smallest. If a model with partners wins and the runs name the partners, its constants and shape come from the
     likelihood of who broke what.
     """
 
@@ -133,7 +133,7 @@ class ClassCalibration:
 
     @cached_property
     def join_fits(self) -> tuple[ClassFit, ...]:
-        """One for each way of sharing constants; none where nothing joins.
+        """One for each way of sharing constants; none if nothing joins.
 
         Where all places touch as many cubes, one constant is that of such places, and says little of others.
         """
@@ -146,7 +146,7 @@ class ClassCalibration:
 
     @cached_property
     def break_fits(self) -> tuple[ClassFit, ...]:
-        """One for each break model and way of sharing constants; none where nothing could break."""
+        """One for each break model and way of sharing constants; none if nothing could break."""
         if not measured(self.breaks).any():
             return ()
         alike = {"touched"} if "event" in self.sharings else set()  # at a bond that breaks one face meets one
@@ -155,12 +155,12 @@ class ClassCalibration:
 
     @cached_property
     def chosen_joins(self) -> ClassFit | None:
-        """The joins' fit; None where nothing joins."""
+        """The joins' fit; None if nothing joins."""
         return simplest(self.join_fits) if self.join_fits else None
 
     @cached_property
     def chosen_breaks(self) -> ClassFit | None:
-        """The breaks' fit; None where nothing could break."""
+        """The breaks' fit; None if nothing could break."""
         if not self.break_fits:
             return None
         first = simplest(self.break_fits)
@@ -204,7 +204,7 @@ class ClassCalibration:
 
     @property
     def reasons(self) -> dict[str, str]:
-        """How constants are shared and bonds break, with the next best, in words."""
+        """A sentence on how constants are shared and how bonds break, with the next best choice."""
         found = {}
         for fits, chosen in self._compared:
             others = sorted((fit for fit in fits if fit.title != chosen.title), key=lambda fit: fit.aic)
@@ -288,7 +288,7 @@ def calibrate_classes(books: Iterable[BookRuns], breaks: str = "auto", share: st
 
 
 def _asked(name: str, largest: int, tank: Tank | None) -> tuple[BreakRates, ...]:
-    """The break models to choose from; ValueError where one that is asked for does not weight partners by size."""
+    """The break models to choose from; ValueError if one that is asked for does not weight partners by size."""
     if name != "auto":
         return (BreaksBySize.of(break_model(name), largest, tank),)
     found = []

@@ -18,6 +18,7 @@ from kinetics.assembly import Derivation
 from kinetics.rates import class_keys
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.packages import special
 
 SIMULATED = 9999  # studies without spread, for the p-value
 STUDIES = 400  # with spread, for the power
@@ -49,7 +50,7 @@ class ClassSpread:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """A sentence on the spread."""
         rates = [
             f"{name}: {n} in {x:.3g} tu" for name, n, x in zip(self.groups, self.events, self.exposure, strict=True)
         ]
@@ -115,13 +116,13 @@ def flagged(spreads: Sequence[ClassSpread], level: float = LEVEL) -> tuple[Class
 
 
 def _only_key(fit: ClassFit, ways: Iterable[Any]) -> str | None:
-    """The constant of a channel; None where it is of another kind, or has several."""
+    """The constant of a channel; None if it is of another kind, or has several."""
     known = {key for c in ways for key in class_keys(c) if key in fit.channels}
     return known.pop() if len(known) == 1 else None
 
 
 def _properties(derivation: Derivation, event: Any) -> tuple[str, str, int]:
-    """Of a channel: the largest structure that takes part, the sizes of the two sides, bonds that form or break."""
+    """Properties of a channel: its largest structure, the sizes of the two sides, bonds that form or break."""
     species = derivation.network.species
     structures = list(derivation.structures.values())
     apart, whole = (event.before, event.after[0]) if len(event.before) == 2 else (event.after, event.before[0])
@@ -152,10 +153,8 @@ def _tested(key: str, by: str, groups: tuple[str, ...], table: Floats, rng: np.r
 
 def _ratio(counts: Ints, part: Floats) -> Floats:
     """Twice the log-likelihood ratio (n,) of counts (n, G) against their parts of the total."""
-    from scipy.special import xlogy
-
     total = counts.sum(axis=1, keepdims=True)
-    return np.asarray(2 * (xlogy(counts, counts) - xlogy(counts, total * part)).sum(axis=1))
+    return np.asarray(2 * (special.xlogy(counts, counts) - special.xlogy(counts, total * part)).sum(axis=1))
 
 
 def _ranks(values: Floats, nulls: Floats) -> Floats:

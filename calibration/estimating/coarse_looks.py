@@ -23,9 +23,9 @@ class LookedAt(NamedTuple):
 
     resolution : longest time between two looks at its events
     rate : events / exposure, as looks show them
-    fall : of its propensity between two looks, relative; below 0 where it rises. For a decay alone rate * resolution
+    fall : of its propensity between two looks, relative; below 0 if it rises. For a decay alone rate * resolution
     bias : relative error of `rate`, about -fall / 2
-    corrected : `rate` without it; None where all is over by the first look
+    corrected : `rate` without it; None if all is over by the first look
     per_look : mean number of its events between two looks
     """
 
@@ -45,7 +45,7 @@ class CoarseLooks:
     runs : the paths; those whose resolution is 0 add nothing
 
     An event is then late by half a look on average, so a propensity that an event lowers counts for too long: exposure
-    is (h(start) - h(end)) * resolution / 2 too large, h being the ways times the combinations of reactants. Where h
+    is (h(start) - h(end)) * resolution / 2 too large, h being the ways times the combinations of reactants. If h
     falls like exp(-k t) and x = k * resolution as looks show it, the right rate is -ln(1 - x) / x times the one seen.
     For one channel of first order that is its grouped likelihood, -ln(1 - events / looks) / resolution; for others it
     is exact to first order in x.

@@ -18,6 +18,7 @@ from calibration.estimating.exposure import sojourns
 from calibration.estimating.rate_fit import RateFit
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import stats
 
 LEVEL = 0.01  # of a false call for double breaks
 ROUNDING = 1e-6  # of the time between two breaks
@@ -52,23 +53,19 @@ class DoubleBreaks:
         They hold where chance is rare, `expected` well below 1 per ten breaks (Clopper & Pearson 1934,
         doi:10.1093/biomet/26.4.404).
         """
-        from scipy.stats import binomtest
-
         if not 0 < level < 1:
             raise ValueError(f"level = {level}; expected a number between 0 and 1, such as 0.95")
         firsts = self.breaks - self.seen
         if not firsts:
             return 0.0, 1.0
-        found = binomtest(min(self.seen, firsts), firsts).proportion_ci(level)
+        found = stats.binomtest(min(self.seen, firsts), firsts).proportion_ci(level)
         chance = self.expected / firsts
         return max(found.low - chance, 0.0), max(found.high - chance, 0.0)
 
     @property
     def p_value(self) -> float:
         """Probability that chance gives as many (Poisson)."""
-        from scipy.stats import poisson
-
-        return float(poisson.sf(self.seen - 1, self.expected))
+        return float(stats.poisson.sf(self.seen - 1, self.expected))
 
     @property
     def variance_factor(self) -> float:

@@ -25,8 +25,8 @@ class Exposure:
 
     events : (R,) firings of each channel
     exposure : (R,) integral of ways * h(s(t)) dt over the time the channel was open, in tu; h counts the
-        combinations of reactants by the network's convention. 0 where a channel could never fire.
-    tank : the tank in whose rate constants the exposure is counted; None where it is not known
+        combinations of reactants by the network's convention. 0 if a channel could never fire.
+    tank : the tank in whose rate constants the exposure is counted; None if it is not known
     ValueError: arrays of another shape, negative numbers, or events without exposure
 
     >>> from calibration import Exposure
@@ -84,7 +84,7 @@ def meetings(network: Network, measured: Tank | None, wanted: Tank | None) -> Fl
 
 
 def require_tanks(paths: Iterable[JumpPath]) -> None:
-    """ValueError where only some of the runs state their tank."""
+    """ValueError if only some of the runs state their tank."""
     if len({path.tank is None for path in paths}) > 1:
         raise ValueError("some runs state their tank and others do not; state it for all of them, or for none")
 
@@ -170,6 +170,6 @@ def pooled(exposures: Iterable[Exposure]) -> Exposure:
 
 
 def composition(path: JumpPath) -> str:
-    """The initial state in words: `40 monomer, 10 dimer`."""
+    """The initial state as text: `40 monomer, 10 dimer`."""
     species = path.network.species
     return ", ".join(f"{n} {species[i]}" for i, n in enumerate(path.initial) if n) or "nothing"

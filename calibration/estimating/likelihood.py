@@ -41,7 +41,7 @@ class Evidence:
     exposure: Floats
 
     def log_likelihood(self, coefficients: Floats) -> float:
-        """At coefficients (P,); nan counts as 0, -inf where an event that happened could not."""
+        """The log-likelihood at coefficients (P,); nan counts as 0, -inf if an event that happened could not."""
         k = np.nan_to_num(coefficients)
         with np.errstate(divide="ignore"):
             return float(np.log(self.at_events @ k).sum() - self.exposure @ k)
@@ -63,7 +63,7 @@ class Evidence:
 
 
 class _OfPath(NamedTuple):
-    """Of one path: exposure (P, L) of each sort of channel, sorts (n,) that fired, and parts (n, P) at these events."""
+    """Evidence of one path: exposure (P, L) of each sort of channel, sorts (n,) fired, and parts (n, P) at events."""
 
     exposure: Floats
     fired: Ints
@@ -116,7 +116,7 @@ class PathLikelihood:
 
     @property
     def channels(self) -> tuple[int, ...]:
-        """Positions of the channels, each of which has its own constant; ValueError where constants are shared."""
+        """Positions of the channels, each of which has its own constant; ValueError if constants are shared."""
         network = self.paths[0].network
         if any(key not in network.channel_places for key in self.grouping.keys):
             raise ValueError("constants that channels share belong to no channel; group by channel")
@@ -149,7 +149,7 @@ class PathLikelihood:
         return np.asarray(total @ self.grouping.shares)
 
     def mixed(self, events: Floats) -> MixedEvidence | None:
-        """Of all constants together, where the shape only weights parts and every constant has one coefficient.
+        """The evidence on all constants together; None unless the shape only weights parts and the model has one term.
 
         events : (K,) of each constant
         """
@@ -248,7 +248,7 @@ class PathLikelihood:
         return with_shape(least(free, [start[parameter.name] for parameter in free], costs, scattered))
 
     def _shared_out(self, fixed: Mapping[str, float], near: Mapping[str, float] | None) -> Maximum:
-        """Where channels have several constants each takes its expected part of their events, and again until it stays.
+        """Share the events of channels among their constants by expectation, and repeat to convergence (EM).
 
         This is expectation maximisation (Dempster, Laird & Rubin 1977, J. R. Stat. Soc. B 39, 1), which converges to
         the largest likelihood. ValueError: a model of several coefficients, or whose shape does more than weight parts.

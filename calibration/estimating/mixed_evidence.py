@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.packages import special
 
 MOST_LOGARITHMS = 2**22  # held at once, 32 MB
 
@@ -33,20 +34,18 @@ class MixedEvidence:
     def mle(self, weights: Floats, held: tuple[int, float] | None = None) -> Floats:
         """Largest log-likelihood (...) at weights (..., P); of `held`, position and value, a coefficient is given.
 
-        Exact; -inf where an event that happened could not. Cost: a logarithm an event and set of weights.
+        Exact; -inf if an event that happened could not. Cost: a logarithm an event and set of weights.
         """
-        from scipy.special import xlogy
-
         rows = np.atleast_2d(weights)
         at_most = max(1, MOST_LOGARITHMS // max(len(self.at_events), 1))
         blocks = [rows[i : i + at_most] for i in range(0, len(rows), at_most)]
         with np.errstate(divide="ignore"):
             logs = np.concatenate([np.log(block @ self.at_events.T) @ self.copies for block in blocks])
             exposure = rows @ self.exposure.T
-            best = xlogy(self.events, self.events) - self.events - xlogy(self.events, exposure)
+            best = special.xlogy(self.events, self.events) - self.events - special.xlogy(self.events, exposure)
             if held is not None:
                 i, value = held
-                best[:, i] = xlogy(self.events[i], value) - value * exposure[:, i]
+                best[:, i] = special.xlogy(self.events[i], value) - value * exposure[:, i]
         # Where an event could not happen the first sum is -inf, whatever the second one is.
         found = np.where(np.isneginf(logs), -np.inf, logs + best.sum(axis=1))
         return found.reshape(np.shape(weights)[:-1])

@@ -14,7 +14,7 @@ def may_have_broken(recorded: Ints, column: Ints, wall: int | None, columns: int
 
     recorded : (n,) species, or BY_WALL, BY_SEVERAL, BY_UNKNOWN; other records allow none
     column : (S,) column of each species
-    wall : column of the wall; None where there is none
+    wall : column of the wall; None if there is none
 
     Walls alone are recorded as the wall, so of several one at least is a body: all columns but the wall's. That they
     are shared out among all bodies as the model has it is right where a break by any body is as often one of several.
@@ -28,7 +28,7 @@ def may_have_broken(recorded: Ints, column: Ints, wall: int | None, columns: int
 
 
 def of_the_named(at_events: Floats, named: NDArray[np.bool_]) -> Floats:
-    """The parts (n, C) at the events that are of whom the record names; all of them where the named are gone.
+    """The parts (n, C) at the events of the partners recorded; all parts if the recorded partners are gone.
 
     Of two breaks at one blow the second comes after the first has changed the state. A record that names nobody of
     these columns, as the wall beside a model without walls, leaves none.

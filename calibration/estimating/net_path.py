@@ -14,7 +14,7 @@ from kinetics.support.arrays import Ints, integers
 def net_path(path: JumpPath, bonds: Ints, window: float) -> JumpPath:
     """The run without each break whose two cubes bond again within a window, and without that join.
 
-    bonds : (E, 2) the two cubes whose faces met or parted at each event, -1 where that is not known
+    bonds : (E, 2) the two cubes whose faces met or parted at each event, -1 if that is not known
     window : tu
 
     Rates of free-running runs count such a break as a break and as a join; those of net runs count neither, and take

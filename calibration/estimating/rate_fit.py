@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from calibration import plots
 from calibration.estimating.exposure import sojourns
 from calibration.estimating.grouping import Grouping
 from calibration.estimating.likelihood import Maximum, PathLikelihood
@@ -16,6 +17,7 @@ from calibration.estimating.rate_model import RateModel
 from kinetics.rates.breaks import ShapeParameter
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import optimize, special
 from kinetics.support.shown import ResultTable, Shown, on_axes
 from kinetics.support.tables import figure
 
@@ -142,10 +144,8 @@ class RateFit(Shown):
 
         The level is approximate, with an error of order 1 / events; unlike a standard error the limits respect that
         parameters are not negative. They are (0, inf) for a parameter that was not measured, and end with the range of
-        a shape parameter. Where a channel has one term and no shape is fitted, `exact_limits` is the better choice.
+        a shape parameter. If a channel has one term and no shape is fitted, `exact_limits` is the better choice.
         """
-        from scipy.special import chdtri
-
         if not 0 < level < 1:
             raise ValueError(f"level = {level}; expected a number between 0 and 1, such as 0.95")
         self._check_known(parameter)
@@ -154,7 +154,7 @@ class RateFit(Shown):
             return 0.0, float("inf")
         if parameter in self.fixed:
             return best, best
-        loss = float(chdtri(1, 1 - level)) / 2
+        loss = float(special.chdtri(1, 1 - level)) / 2
         if parameter in self._places:
             (p, i), low, high = self._places[parameter], 0.0, float("inf")
             evidence = self.likelihood.evidence(self.model)[i]
@@ -191,8 +191,6 @@ class RateFit(Shown):
         The p-value is by the chi-square distribution (Wilks 1938, doi:10.1214/aoms/1177732360). For one parameter on
         the boundary of its range, such as a coefficient of 0, it is up to twice too large.
         """
-        from scipy.special import chdtrc
-
         freedom = self.free_parameters - smaller.free_parameters
         if freedom < 1:
             raise ValueError(
@@ -203,7 +201,7 @@ class RateFit(Shown):
         if mine.grouping.keys != other.grouping.keys or [*map(id, mine.paths)] != [*map(id, other.paths)]:
             raise ValueError("the two models were fitted to other paths or channels; fit both to the same ones")
         statistic = max(2 * (self.log_likelihood - smaller.log_likelihood), 0.0)
-        return LikelihoodRatio(statistic, freedom, float(chdtrc(freedom, statistic)))
+        return LikelihoodRatio(statistic, freedom, float(special.chdtrc(freedom, statistic)))
 
     def score(self, paths: Iterable[JumpPath]) -> float:
         """Log-likelihood of other paths, such as held-out ones, at these estimates; -inf if impossible."""
@@ -236,8 +234,6 @@ class RateFit(Shown):
     @on_axes
     def plot(self, ax: Axes, level: float = 0.95) -> Axes:
         """Forest plot of the coefficients, the shape in the title; returns `ax`."""
-        from calibration import plots
-
         rows = self.table(level)
         coefficients = [row for row in rows if row["parameter"] in self._places]
         shape = [f"{row['parameter']} = {row['estimate']:.3g}" for row in rows if row not in coefficients]
@@ -339,14 +335,12 @@ def simplest(fits: Sequence[Fit]) -> Fit:
 
 def _crossing(spare: Callable[[float], float], best: float, bound: float, step: float) -> float:
     """The zero of `spare`, which is above 0 at `best`, on the way to `bound`; `bound` if there is none."""
-    from scipy.optimize import brentq
-
     inside = best
     while inside != bound:
         outside = best + step
         if (outside - bound) * step >= 0:
             outside = bound
         if spare(outside) < 0:
-            return float(brentq(spare, inside, outside, xtol=1e-9 * abs(outside - inside), rtol=1e-9))
+            return float(optimize.brentq(spare, inside, outside, xtol=1e-9 * abs(outside - inside), rtol=1e-9))
         inside, step = outside, 2 * step
     return bound

@@ -24,7 +24,7 @@ class RateModel(ABC):
     N_c : docking ways; age : tu since the start or the last restart. The coefficients are not negative, and each
     channel has its own. Shape parameters belong to all channels that are fitted together; they are fields of the
     model, whose values are where the search starts. Exposure, likelihood, intervals, tests, table and plot come with
-    `fit_rates`. Where the shape only weights parts that do not depend on it, `combinations` gives the parts and
+    `fit_rates`. If the shape only weights parts that do not depend on it, `combinations` gives the parts and
     `mixture` the weights, so that a search passes over the paths once.
 
     To add a model:
@@ -65,7 +65,7 @@ class RateModel(ABC):
         return integrals, np.array([path.network.ways[fired] * h[rows, fired] * speed for h in parts]).T
 
     def mixture(self) -> Floats | None:
-        """Weights (terms, parts) of the parts in each term; None where the parts are the terms."""
+        """Weights (terms, parts) of the parts in each term; None if the parts are the terms."""
         return None
 
     def in_terms(self, path: JumpPath) -> Sequence[Floats]:
@@ -88,7 +88,7 @@ class RateModel(ABC):
         return {parameter.name: getattr(self, parameter.name) for parameter in self.shape}
 
     def speed(self, age: Floats) -> Floats:
-        """Factor (n,) on all propensities at these ages, tu; 1 where rates do not depend on the age."""
+        """Factor (n,) on all propensities at these ages, tu; 1 if rates do not depend on the age."""
         return np.ones_like(age)
 
     def elapsed(self, begin: Floats, end: Floats, origin: Floats) -> Floats:  # noqa: ARG002

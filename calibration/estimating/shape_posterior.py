@@ -24,7 +24,7 @@ SEED = 0
 
 
 def shape_posterior(fit: RateFit) -> ShapePosterior | None:
-    """The posterior in points with probabilities; None where the fitted break model has no shape that was not held.
+    """The posterior in points with probabilities; None if the fitted break model has no shape that was not held.
 
     Each coefficient b has Jeffreys' prior of a Poisson mean, the number of breaks b E(shape) that the runs should have,
     so that its integral over n breaks is proportional to E^-n: the marginal likelihood of the shape is its profile
@@ -51,7 +51,7 @@ def shape_posterior(fit: RateFit) -> ShapePosterior | None:
 def posterior_of(
     free: Sequence[ShapeParameter], best: Mapping[str, float], log_density: Callable[[list[dict[str, float]]], Floats]
 ) -> ShapePosterior | None:
-    """The posterior of the free shape parameters, the others as in `best`; None where all are held.
+    """The posterior of the free shape parameters, the others as in `best`; None if all are held.
 
     best : all shape parameters at the largest likelihood
     log_density : profile log-likelihood (G,) at each of some shapes

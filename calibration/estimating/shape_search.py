@@ -8,6 +8,7 @@ import numpy as np
 
 from kinetics.rates.breaks import ShapeParameter
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import optimize, stats
 
 IMPOSSIBLE = 1e300  # a cost that a search can compare, where it is infinite
 TOLERANCE = 1e-10  # of the cost
@@ -25,9 +26,6 @@ def least(
     One parameter is found by Brent's method, several by L-BFGS-B with central differences, and where that fails, as on
     a valley with kinks, by the simplex of Nelder and Mead.
     """
-    from scipy.optimize import minimize, minimize_scalar
-    from scipy.stats import qmc
-
     known = 0.0
 
     def at(units: Floats) -> Floats:
@@ -48,21 +46,25 @@ def least(
         return []
     if len(free) == 1:
         (only,) = free
-        inside = float(minimize_scalar(lambda u: one(np.array([u])), bounds=(0.0, 1.0), options={"xatol": 1e-7}).x)
+        inside = float(
+            optimize.minimize_scalar(lambda u: one(np.array([u])), bounds=(0.0, 1.0), options={"xatol": 1e-7}).x
+        )
         if min(inside, 1 - inside) < 1e-6:  # it stops short of an end
             return [min((only.low, only.high), key=lambda value: float(costs(np.array([[value]]))[0]))]
         return [float(only.value(inside))]
     starts = [np.clip([p.unit(value) for p, value in zip(free, start, strict=True)], 0.0, 1.0)]
     if scattered:
-        points = qmc.Halton(len(free), scramble=False).random(scattered + 1)[1:]  # the first one is a corner
+        points = stats.qmc.Halton(len(free), scramble=False).random(scattered + 1)[1:]  # the first one is a corner
         starts.append(points[np.argmin(at(points))])
     known = one(starts[0])  # taken off, so that tolerances are in units of log-likelihood
     bounds = [(0.0, 1.0)] * len(free)
     ends = []
     for units in starts:
-        end = minimize(with_slope, units, method="L-BFGS-B", jac=True, bounds=bounds, options={"ftol": TOLERANCE})
+        end = optimize.minimize(
+            with_slope, units, method="L-BFGS-B", jac=True, bounds=bounds, options={"ftol": TOLERANCE}
+        )
         if not end.success:
-            end = minimize(
+            end = optimize.minimize(
                 one, end.x, method="Nelder-Mead", bounds=bounds,
                 options={"xatol": 1e-8, "fatol": 1e-10, "maxiter": 1000 * len(free)},
             )  # fmt: skip

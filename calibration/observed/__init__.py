@@ -1,1 +1,1 @@
-"""What others observed, in a real tank or another simulator: their tables as jump paths, and the rates these give."""
+"""Events observed elsewhere, in a real tank or another simulator: tables as jump paths, and rates from them."""

@@ -133,7 +133,7 @@ class _Reader:
         return path
 
     def partners(self, rows: Rows, fired: Ints) -> Ints | None:
-        """Who broke what (len(rows),), as in `JumpPath.partners`; None where there is no such column."""
+        """Who broke what (len(rows),), as in `JumpPath.partners`; None if there is no such column."""
         if "partner" not in self.events.columns:
             return None
         breaks = is_break(self.network)
@@ -250,5 +250,5 @@ class _Reader:
         return found
 
     def text(self, counts: Ints, sign: str = "") -> str:
-        """Counts or changes in words."""
+        """Counts or changes as text."""
         return ", ".join(f"{self.network.species[s]} {counts[s]:{sign}d}" for s in np.flatnonzero(counts)) or "nothing"

@@ -46,7 +46,7 @@ class Table:
         return self.lines.size
 
     def require(self, *titles: str) -> None:
-        """ValueError where a column is missing."""
+        """ValueError if a column is missing."""
         missing = [title for title in titles if title not in self.columns]
         if missing:
             raise ValueError(
@@ -55,12 +55,12 @@ class Table:
             )
 
     def where(self, row: int) -> str:
-        """A row in words: file, line and run."""
+        """The place of a row as text: file, line and run."""
         run = self.columns["run"][row] if "run" in self.columns else ""
         return f"{self.name}, line {self.lines[row]}" + (f", run {run}" if run else "")
 
     def numbers(self, title: str, rows: NDArray[np.intp], may_be_empty: bool = False) -> Floats:
-        """Finite numbers (len(rows),) of a column; an empty cell is nan where that is allowed, else an error."""
+        """Finite numbers (len(rows),) of a column; an empty cell is nan if that is allowed, else an error."""
         cells = self.columns[title][rows]
         empty = cells == ""
         if empty.any() and not may_be_empty:
@@ -76,7 +76,7 @@ class Table:
         return found
 
     def counts(self, titles: Sequence[str], rows: NDArray[np.intp]) -> Floats:
-        """Whole numbers (len(rows), len(titles)) of at least 0; nan where a cell is empty."""
+        """Whole numbers (len(rows), len(titles)) of at least 0; nan if a cell is empty."""
         found = np.empty((rows.size, len(titles)))
         for column, title in enumerate(titles):
             found[:, column] = self.numbers(title, rows, may_be_empty=True)

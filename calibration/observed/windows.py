@@ -1,4 +1,4 @@
-"""From when to when each run was observed, and what it began with: from marked rows, or from a table of the runs."""
+"""Observation windows and initial counts of runs: from marked rows, or from a table of the runs."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from kinetics.support.arrays import Ints
 class Given:
     """Facts about all runs that are given beside the tables.
 
-    cubes : what every run holds; None where nobody says
-    single : species with which runs start whose counts nobody gives, as many copies as there are cubes
+    cubes : what every run holds; None if not given
+    single : species of which runs without given counts start with one copy for each cube
     """
 
     network: Network
@@ -50,7 +50,7 @@ class Given:
         return self.network.channel_places[name]
 
     def counts(self, table: Table, row: int) -> dict[str, int] | None:
-        """Counts in a row, of the species that have a column; None where no cell is filled."""
+        """Counts in a row, of the species that have a column; None if no cell is filled."""
         titles = self.species(table)
         counts = table.counts(titles, np.array([row]))[0]
         if np.isnan(counts).all():
@@ -91,7 +91,7 @@ class ObservationWindow:
     where : the row that says so
     start, end : tu, on the clock of the table
     initial : (S,) at the start
-    final : at the end, of the species of which that is stated; None where nothing is
+    final : at the end, of the species of which that is stated; None if nothing is
     is_open : (R,) bool, channels that could fire
     resolution : tu within which events share a time
     """

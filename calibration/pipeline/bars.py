@@ -17,9 +17,9 @@ from kinetics.support.tables import figure
 class Bar:
     """One rule, stated before the runs, and what came of it.
 
-    rule : in words
-    came : in words
-    is_cleared : whether the rule holds; None where the runs cannot say, for want of events
+    rule : as text
+    came : the value found, as text
+    is_cleared : whether the rule holds; None if the runs cannot say, for want of events
     """
 
     rule: str
@@ -27,7 +27,7 @@ class Bar:
     is_cleared: bool | None
 
     def to_dict(self) -> dict[str, Any]:
-        """For tables and JSON."""
+        """The bar as a row for tables and JSON."""
         return vars(self)
 
     @property

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calibration import plots
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.validating.first_times import FirstTimeComparison, compare_first_times
 from kinetics.network import Network
@@ -102,8 +103,6 @@ class RatesByPoint:
     @on_axes
     def plot(self, ax: Axes, channel: str) -> Axes:
         """The rate of one channel, point by point, with exact 95 % intervals; returns `ax`."""
-        from calibration import plots
-
         found = [point.calibration[channel] for point in self.points]
         low, high = np.array([estimate.interval() for estimate in found]).T
         rates = plots.Limited([estimate.rate for estimate in found], low, high)
@@ -112,8 +111,6 @@ class RatesByPoint:
 
     def plot_first(self, ax: Axes) -> Axes:
         """Mean first times, seen and predicted, point by point; returns `ax`."""
-        from calibration import plots
-
         rows = self.first_table()
         seen, predicted = (
             plots.Limited(*(np.array([row[key] for row in rows]) for key in keys))

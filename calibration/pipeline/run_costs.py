@@ -1,4 +1,4 @@
-"""What runs cost: as stored runs alike did, or as a short timed trial shows."""
+"""The cost of runs, from similar stored runs or from a short timed trial."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Cost = Callable[[RunSpec], float]  # CPU seconds of a run
 class RunCosts:
     """CPU seconds of runs on this machine, in proportion to their length.
 
-    The guide are runs of the same scene and composition in a folder, which need not exist; where there is none, a trial
+    The guide are runs of the same scene and composition in a folder, which need not exist; if there is none, a trial
     of 5 tu.
     """
 
@@ -32,7 +32,7 @@ class RunCosts:
         self._per_tu = {kind: seconds / tu for kind, (seconds, tu) in spent.items() if tu > 0}
 
     def __call__(self, spec: RunSpec) -> float:
-        """Of one run."""
+        """The CPU time of one run, s."""
         kind = _kind(spec.scene.content, spec.composition)
         if kind not in self._per_tu:
             stage(f"a short trial for the cost of a run: {spec.title}")

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from kinetics.support.arrays import Floats, Ints, divided, reals
 from kinetics.support.intervals import exact_limits
+from kinetics.support.packages import optimize
 
 MOST_EVENTS = 1e12
 
@@ -25,15 +26,13 @@ def half_width(events: ArrayLike) -> Floats:
 
 def events_for(width: float) -> float:
     """Events that give a relative half-width: 395 for 10 %."""
-    from scipy.optimize import brentq
-
     if not (math.isfinite(width) and width > 0):
         raise ValueError(f"width = {width}; expected a finite share above 0, such as 0.1")
     if width < (narrowest := float(half_width(MOST_EVENTS))):
         raise ValueError(
             f"width = {width:.2g}; expected {narrowest:.2g} or more, which takes {MOST_EVENTS:.0e} events of every kind"
         )
-    log_n = brentq(lambda x: math.log(float(half_width(math.exp(x))) / width), -20.0, math.log(MOST_EVENTS))
+    log_n = optimize.brentq(lambda x: math.log(float(half_width(math.exp(x))) / width), -20.0, math.log(MOST_EVENTS))
     return math.exp(log_n)
 
 
@@ -43,17 +42,17 @@ def allocate(events: ArrayLike, costs: ArrayLike, needed: float) -> Ints:
     events : (K, G) events of each kind in a run of each tank; costs : (K,) of a run, above 0
 
     The linear programme is solved exactly. Its runs, of at most G tanks, are rounded up, and what the rounding made
-    superfluous is left out again, the dearest first: at most G runs above the least.
+    superfluous is left out again, the most expensive first: at most G runs above the least.
     ValueError: a kind of which no tank shows events.
     """
-    from scipy.optimize import linprog
-
     table = reals("events", events, (None, None), minimum=0)
     prices = reals("costs", costs, (len(table),), minimum=0)
     if not (table.max(axis=0) > 0).all():
         raise ValueError(f"no tank shows events of kind {int(np.argmin(table.max(axis=0)))}; give other tanks")
     # in units of the best tank's runs, so that the programme is well scaled whatever is needed
-    found = linprog(prices / prices.max(), A_ub=-table.T / table.max(axis=0)[:, None], b_ub=-1 / table.max(axis=0))
+    found = optimize.linprog(
+        prices / prices.max(), A_ub=-table.T / table.max(axis=0)[:, None], b_ub=-1 / table.max(axis=0)
+    )
     if found.status:
         raise ValueError(f"the linear programme was not solved: {found.message}")
     runs = np.ceil(np.asarray(found.x) * needed - 1e-9)
@@ -67,7 +66,7 @@ def allocate(events: ArrayLike, costs: ArrayLike, needed: float) -> Ints:
 
 
 def affordable(events: ArrayLike, costs: ArrayLike, budget: float) -> Ints:
-    """The runs (K,) of the smallest width whose cost is within a budget; all 0 where even the cheapest is above it."""
+    """The runs (K,) of the smallest width whose cost is within a budget; all 0 if even the cheapest is above it."""
     table, prices = np.asarray(events, dtype=float), np.asarray(costs, dtype=float)
     best = np.zeros(len(prices), dtype=np.int64)
     low, high = math.log(1e-6), math.log(MOST_EVENTS)

@@ -1,4 +1,4 @@
-"""What runs are expected to show under rates that are known beforehand: compositions on the way, and events."""
+"""Forecasts of runs under known rates: compositions over time, and numbers of events."""
 
 from __future__ import annotations
 

@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from calibration.planning.forecast import Forecast
 from calibration.validating.power import GroupPower
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import optimize
 
 MOST_RUNS = 1000
 
 
 def runs_for(found: GroupPower, wanted: float) -> int | None:
-    """Fewest runs, at least 2, with a power; None where `MOST_RUNS` do not reach it."""
+    """Fewest runs, at least 2, with a power; None if `MOST_RUNS` do not reach it."""
     runs = range(2, MOST_RUNS + 1)
     fewest = bisect_left(runs, wanted, key=found.power)
     return runs[fewest] if fewest < len(runs) else None
@@ -26,12 +27,11 @@ def runs_for(found: GroupPower, wanted: float) -> int | None:
 
 def widest_sd(found: GroupPower, wanted: float) -> float:
     """Largest relative standard deviation from the calibration at which enough runs reach a power."""
-    from scipy.optimize import brentq
 
     def lacking(log_sd: float) -> float:
         return replace(found, rates_sd=math.exp(log_sd)).power(math.inf) - wanted
 
-    return math.exp(brentq(lacking, math.log(1e-3), math.log(10.0)))
+    return math.exp(optimize.brentq(lacking, math.log(1e-3), math.log(10.0)))
 
 
 def group_powers(

@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from calibration import plots
+from calibration.estimating.break_comparison import shape_in_words
 from calibration.reporting.report import Chart, Heading, HtmlReport, Part, ReportTable, Text
 from calibration.reporting.words import in_words
 from kinetics.rates import Rates, about_priors
@@ -70,7 +72,7 @@ def calibration_report(study: CalibrationStudy) -> HtmlReport:
 
 
 def validation_report(study: ValidationStudy, rules: Sequence[Bar] = ()) -> HtmlReport:
-    """How predictions stand against held-out runs; `rules` of a plan, and what came of them."""
+    """The report of predictions against held-out runs; `rules` : the bars of a plan, with results."""
     return HtmlReport("Held-out runs", _rule_parts(rules) + _validation_parts(study), study.rates.evidence)
 
 
@@ -113,7 +115,7 @@ def about_not_seen(calibration: Calibration) -> str:
 
 
 def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Part]:
-    """The diagnostics of a set of runs: verdicts in words, all p-values, and of each test its most doubtful figure.
+    """The diagnostics of a set of runs: verdicts, all p-values, and for each test its most doubtful figure.
 
     name : of the tables and charts; two sets of runs in one report need two
     """
@@ -142,9 +144,7 @@ def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Par
 
 
 def _break_parts(compared: BreakComparison) -> list[Part]:
-    """Break models side by side; the shape in words, its intervals at 95 %."""
-    from calibration.estimating.break_comparison import shape_in_words
-
+    """Break models side by side; the shape as text, its intervals at 95 %."""
     rows = [row | {"shape": shape_in_words(row["shape"])} for row in compared.table()]
     return [
         Heading("What breaks a bond"),
@@ -210,7 +210,7 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
 
 
 def _event_table(study: ValidationStudy) -> list[dict[str, Any]]:
-    """Rows of events, the size in words."""
+    """Rows of events, with the size as text."""
     return [{k: v for k, v in row.to_dict().items() if k not in ("cubes", "tank")} for row in study.events]
 
 
@@ -222,8 +222,6 @@ def notable(panels: Sequence[Sequence[EventRow]]) -> list[list[EventRow]]:
 
 def _draw_events(panels: Sequence[Sequence[EventRow]], axes: Any) -> None:
     """One panel a size, and one of all sizes."""
-    from calibration import plots
-
     for rows, ax in zip(panels, [axes] if len(panels) == 1 else axes, strict=True):
         expected = plots.Limited([r.expected for r in rows], [r.low for r in rows], [r.high for r in rows])
         plots.event_ratios(ax, [r.group for r in rows], [r.seen for r in rows], expected, rows[0].size)

@@ -16,6 +16,7 @@ from typing import Any
 from calibration.reporting.words import in_words
 from kinetics.support.labels import keep_apart
 from kinetics.support.output import checked_name, write_together
+from kinetics.support.packages import mpl
 from kinetics.support.plots import words_as_they_are
 from kinetics.support.tables import Rows, csv_text
 
@@ -72,7 +73,7 @@ class Text:
 class ReportTable:
     """A table of a report. A named one is also written as CSV if files are requested.
 
-    rows : mappings from column to number or text; the columns are those of the first row, named in words
+    rows : mappings from column to number or text; the columns are those of the first row, with readable names
 
     >>> from calibration import ReportTable
     >>> table = ReportTable("Rates", [{"channel": "bind", "rate": 0.0123456}])
@@ -120,16 +121,13 @@ class Chart:
     @cached_property
     def svg(self) -> bytes:
         """The picture; the same drawing gives the same bytes."""
-        import matplotlib as mpl
-        from matplotlib.figure import Figure
-
         columns = self.panels if self.panels <= 3 else 2
         rows = math.ceil(self.panels / columns)
         width, height = (6.4, 4.2) if self.panels == 1 else (max(10.0, 4.2 * columns), 3.6)
         size = (width, max(height, 1.2 + 0.2 * self.lines) * rows)
         # the hash salt and the missing date keep the file the same from one run to the next
         with mpl.rc_context({"svg.hashsalt": "wellmixed", "font.size": 9.0}):
-            figure = Figure(figsize=size, layout="constrained")
+            figure = mpl.figure.Figure(figsize=size, layout="constrained")
             axes = [figure.add_subplot(rows, columns, i + 1) for i in range(self.panels)]
             self.draw(axes[0] if self.panels == 1 else axes)
             words_as_they_are(figure)

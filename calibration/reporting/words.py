@@ -1,4 +1,4 @@
-"""What the columns of tables are called in reports; in CSV and JSON they keep their short names."""
+"""Readable names for the columns of tables in reports; CSV and JSON keep the short names."""
 
 from __future__ import annotations
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calibration import plots
 from calibration.estimating.joins_and_breaks import WHOLES
 from calibration.validating.events import EventRow, HeldOutEvents, event_rows
 from calibration.validating.first_times import FirstTimeComparison
@@ -18,6 +19,8 @@ from calibration.validating.single_runs import SingleRuns
 from calibration.validating.verdict import ConsistencyCheck, Verdict, event_checks, judged
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import plt
+from kinetics.support.plots import colour
 from kinetics.support.shown import ResultTable, Shown
 from kinetics.support.tables import in_unit
 
@@ -29,7 +32,7 @@ if TYPE_CHECKING:
 class Cost:
     """CPU seconds: of `ssa_runs` SSA runs, and of the exact solution at all times.
 
-    exact is nan where there is no exact solution.
+    exact is nan if there is no exact solution.
     """
 
     ssa: float
@@ -46,10 +49,10 @@ class CrossValidation(Shown):
     ssa_mean : mean of SSA runs at the posterior mean of each rate constant
     predicted_mean, predicted_sd : mean, and sd of a single run, at these rates; solved where the state space is small
         enough, otherwise those of the SSA runs
-    predicted_error : standard error of `predicted_mean` by sampling; 0 where that is exact
+    predicted_error : standard error of `predicted_mean` by sampling; 0 if that is exact
     low, high : predicted band of the mean of n runs, from intrinsic noise and the uncertainty of the rates; it holds
         `predicted_mean`
-    z : (observed_mean - predicted_mean) over the predicted sd of that difference; nan where nothing varies
+    z : (observed_mean - predicted_mean) over the predicted sd of that difference; nan if nothing varies
     misfit, p_misfit : mean squared z of the observed mean among predicted groups of n runs; share of groups with at
         least this misfit
     coverage : share of times and species (after time 0) at which the observed mean lies inside the predicted band
@@ -103,7 +106,7 @@ class CrossValidation(Shown):
 
     @property
     def headline(self) -> str:
-        """Of what, and how many runs beside how many predicted groups."""
+        """One line: the name of the comparison, and the numbers of runs and predicted groups."""
         return f"{self.name}: {self.runs} held-out runs, compared with {self.groups} predicted groups of as many"
 
     def summary(self) -> ResultTable:
@@ -261,12 +264,7 @@ class CrossValidation(Shown):
 
         axes : as many; new ones, in a row, where none are given
         """
-        from calibration import plots
-        from kinetics.support.plots import colour
-
         if axes is None:
-            import matplotlib.pyplot as plt
-
             across = len(species or self.network.species)
             axes = list(
                 plt.figure(figsize=(4.0 * across, 3.2), layout="constrained").subplots(1, across, squeeze=False)[0]

@@ -129,7 +129,7 @@ def crossvalidate(
 
 
 def _held_out(paths: Sequence[JumpPath], times: ArrayLike) -> Ints:
-    """Counts (n, T, S) of the paths, or a ValueError where they are no held-out runs of one experiment."""
+    """Counts (n, T, S) of the paths, or a ValueError if they are no held-out runs of one experiment."""
     if not paths:
         raise ValueError("no held-out runs; give at least one path")
     for i, path in enumerate(paths):
@@ -178,7 +178,7 @@ def _most_copies(network: Network, initial: Ints) -> Floats:
 def _z(difference: Floats, intrinsic: Floats, error: Floats, means: Floats) -> Floats:
     """Difference over its predicted sd (T, S).
 
-    means : (groups, T, S), whose spread holds intrinsic noise and rate uncertainty; where events are so rare that the
+    means : (groups, T, S), whose spread holds intrinsic noise and rate uncertainty; if events are so rare that the
         groups hardly show them, the intrinsic sd at the mean rates is the larger and the better known
     error : of the prediction itself, by sampling
     """

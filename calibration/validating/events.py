@@ -35,7 +35,7 @@ AT_A_TIME = 500  # groups whose single runs are in memory
 class EventRow:
     """One group of channels at one size, or over all sizes.
 
-    size : the experiment in words
+    size : the experiment as text
     cubes : of a run; None for the pooled rows of all sizes
     tank : edges of the tank, where it is known
     group : `joins`, `breaks`, or a channel
@@ -82,7 +82,7 @@ class EventTotals:
 
     @property
     def ratio(self) -> Floats:
-        """seen / expected (D, G); 0 where neither is, inf where events came that the rates call impossible."""
+        """seen / expected (D, G); 0 if neither is, inf if events came that the rates call impossible."""
         known = self.expected > 0
         nothing = np.where(self.seen > 0, np.inf, 0.0)
         return np.divide(self.seen, self.expected, out=nothing, where=known)
@@ -94,7 +94,7 @@ class EventTotals:
 
     @classmethod
     def of(cls, events: Ints, expected: Floats) -> EventTotals:
-        """From each run's events and expected events (D, n, G)."""
+        """Totals from each run's events and expected events (D, n, G)."""
         seen, total = events.sum(axis=1), expected.sum(axis=1)
         factor = divided(seen, total)
         fitted = expected * factor[:, None]
@@ -167,7 +167,7 @@ class HeldOutEvents:
 
     @cached_property
     def observed(self) -> EventTotals:
-        """Of the held-out runs, D = 1."""
+        """The totals of the held-out runs, D = 1."""
         return EventTotals.of(self.seen[None], self.expected[None])
 
     @cached_property
@@ -179,7 +179,7 @@ class HeldOutEvents:
 
     @cached_property
     def first_totals(self) -> EventTotals:
-        """Of the groups simulated at first."""
+        """The totals of the groups simulated at first."""
         return EventTotals.of(*self.first_runs)
 
     @cached_property
@@ -188,7 +188,7 @@ class HeldOutEvents:
         return looks(self.first, self.most)
 
     def totals(self, groups: int) -> EventTotals:
-        """Of the first groups, as many as one of the `looks`; they are simulated once."""
+        """The totals of the first groups, as many as one of the `looks`; they are simulated once."""
         while (known := sum(len(part.seen) for part in self._parts)) < groups:
             stage(f"{known} of {groups} simulated groups of runs")
             self._parts.append(self._totals(self.groups.events(known, groups, self.until)))
@@ -196,7 +196,7 @@ class HeldOutEvents:
 
     @cached_property
     def _parts(self) -> list[EventTotals]:
-        """Of the groups simulated so far."""
+        """The totals of the groups simulated so far."""
         return [self.first_totals]
 
     @property
@@ -241,7 +241,7 @@ class HeldOutEvents:
 
     @cached_property
     def _members(self) -> Ints:
-        """(R, G) 1 where a channel of the simulated network is in a group."""
+        """(R, G) 1 if a channel of the simulated network is in a group."""
         return _membership(self.groups.network, self.groups.model.channels)[1]
 
 
@@ -280,7 +280,7 @@ def event_rows(
 
 
 def _membership(network: Network, channels: Sequence[str]) -> tuple[tuple[str, ...], NDArray[np.int64]]:
-    """Names of the groups of channels, and (R, G) 1 where a channel is in a group."""
+    """Names of the groups of channels, and (R, G) 1 if a channel is in a group."""
     groups = event_groups(network)
     table = [[int(base_channel(channel) in members) for members in groups.values()] for channel in channels]
     return tuple(groups), np.array(table, dtype=np.int64).reshape(len(channels), len(groups))

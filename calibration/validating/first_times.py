@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calibration import plots
 from kinetics.markov.transient.search import MAX_STATES, TooManyStatesError
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.laws.writing import quoted
 from kinetics.runs import JumpPath, TruncatedRunsError
 from kinetics.sampling import Direct, first_times_of_draws
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import student_interval
+from kinetics.support.plots import colour
 from kinetics.support.shown import ResultTable, Shown, facts, on_axes
 from kinetics.support.tables import figure
 
@@ -30,14 +32,14 @@ SAMPLES = 10_000  # SSA runs that stand in for the exact distribution; the error
 class FirstTimeComparison(Shown):
     """First-passage times observed in runs beside the predicted distribution; all times in tu.
 
-    observed : (n,) first times, nan where there was none by the horizon (censored)
+    observed : (n,) first times, nan if there was none by the horizon (censored)
     horizon : time until which every run was observed; later first times count as censored
     observed_mean, low, high : mean of min(time, horizon) with its Student t interval over the runs
     predicted_mean : predicted mean of min(time, horizon)
-    predicted_error : its standard error by sampling; 0 where the distribution is solved for
-    mean, sd : of the predicted distribution without a horizon; nan where it is sampled
+    predicted_error : its standard error by sampling; 0 if the distribution is solved for
+    mean, sd : of the predicted distribution without a horizon; nan if it is sampled
     curve_times, curve : predicted distribution function
-    samples : number of SSA runs that replace the solution; 0 where the distribution is solved for
+    samples : number of SSA runs that replace the solution; 0 if the distribution is solved for
     distance, p_value : Kolmogorov-Smirnov distance up to the horizon, and the probability of one at least as large
 
     >>> from calibration import compare_first_times
@@ -67,7 +69,7 @@ class FirstTimeComparison(Shown):
 
     @property
     def headline(self) -> str:
-        """Of which species, in how many runs."""
+        """One line: the species, and the number of runs."""
         return f"first {self.species} in {len(self.observed)} runs until {self.horizon:g} tu; p {self.p_value:.2g}"
 
     def summary(self) -> ResultTable:
@@ -89,7 +91,7 @@ class FirstTimeComparison(Shown):
 
     @property
     def curve_error(self) -> float:
-        """Largest standard error of the curve by sampling; 0 where it is exact."""
+        """Largest standard error of the curve by sampling; 0 if it is exact."""
         return 0.0 if self.is_exact else float(np.sqrt(self.curve * (1 - self.curve) / self.samples).max())
 
     @property
@@ -103,9 +105,6 @@ class FirstTimeComparison(Shown):
 
         place : the species' in its network, which gives the curve its colour
         """
-        from calibration import plots
-        from kinetics.support.plots import colour
-
         # with a rate of 0 the chain may end elsewhere, and the mean is infinite
         mean = f", mean {self.mean:.4g} tu" if np.isfinite(self.mean) else ""
         label = f"exact{mean}" if self.is_exact else f"SSA, within {self.curve_error:.1g} (1 s.e.)"
@@ -191,8 +190,8 @@ def compare_first_times(
 class _Passage:
     """Distribution of a first passage: its distribution function, and the same on a grid up to the horizon.
 
-    mean, sd : without a horizon; nan where unknown
-    mean_error : standard error of the mean of min(time, horizon); samples : runs behind it, 0 where it is exact
+    mean, sd : without a horizon; nan if unknown
+    mean_error : standard error of the mean of min(time, horizon); samples : runs behind it, 0 if it is exact
     """
 
     cdf: Callable[[Floats], Floats]
@@ -255,9 +254,8 @@ def _drawn_levels(
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
     levels = np.empty((len(rate_draws), n))
     made = first_times_of_draws(
-        network,
+        Model.of(network, paths[0].initial),
         rate_draws,
-        paths[0].initial,
         _present(species),
         times[-1],
         n,

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from calibration.estimating.joins_and_breaks import joins_and_breaks
-from kinetics.network import Network, Tank
+from kinetics.network import Model, Network, Tank
 from kinetics.rates import Rates
 from kinetics.sampling import Direct, exposures_of_draws, simulate_posterior
 from kinetics.support.arrays import Floats, Ints
@@ -37,7 +37,7 @@ class SimulatedGroups:
     network : the derived network; rates : their posterior is drawn from
     initial : (S,) counts; runs : n
     number : of the experiment in its study
-    tank : that of the runs; None where it is not known, which is then that of the rates
+    tank : that of the runs; None if it is not known, which is then that of the rates
     """
 
     network: Network
@@ -52,6 +52,10 @@ class SimulatedGroups:
     def model(self) -> Network:
         """The network that is simulated, at the posterior mean of each rate constant."""
         return self.rates.expected(self.network, self.tank)
+
+    @cached_property
+    def _start(self) -> Model:
+        return Model.of(self.model, self.initial)
 
     @cached_property
     def mean_constants(self) -> Floats:
@@ -76,7 +80,7 @@ class SimulatedGroups:
         """Counts (groups, n, T, S) of the first groups; int32, which halves the memory."""
         counts = np.empty((groups, self.runs, times.size, len(self.model.species)), dtype=np.int32)
         made = simulate_posterior(
-            self.model, self.constants(0, groups), self.initial, times, self.runs, self.seed,
+            self._start, self.constants(0, groups), times, self.runs, self.seed,
             method=Direct(), first_run=self.first_run(GROUPS),
         )  # fmt: skip
         for group, drawn in zip(counts, made, strict=True):
@@ -86,7 +90,7 @@ class SimulatedGroups:
     def events(self, begin: int, end: int, until: float) -> Iterator[tuple[Ints, Floats]]:
         """Events and exposures (n, R) of the groups begin to end, until a time, tu; see `exposures_of_draws`."""
         return exposures_of_draws(
-            self.model, self.constants(begin, end), self.initial, until, self.runs, self.seed,
+            self._start, self.constants(begin, end), until, self.runs, self.seed,
             first_run=self.first_run(GROUPS) + begin * self.runs,
         )  # fmt: skip
 
@@ -96,6 +100,6 @@ class SimulatedGroups:
         part : number of this set of runs among those of the experiment; it selects their random streams
         """
         return exposures_of_draws(
-            self.model, self.constants(0, groups) * factors, self.initial, until, self.runs, self.seed,
+            self._start, self.constants(0, groups) * factors, until, self.runs, self.seed,
             first_run=self.first_run(OFF) + part * groups * self.runs,
         )  # fmt: skip

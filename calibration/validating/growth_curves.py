@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,13 +23,12 @@ from calibration.validating.verdict import ConsistencyCheck, Verdict, judged
 from kinetics.networkfree import Growth, Growths, grow
 from kinetics.networkfree.growth import NOTHING
 from kinetics.rates import ClassRates
+from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, rising_times
 from kinetics.support.datasets import dataframe_over_times
+from kinetics.support.packages import pd, plt
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import text_table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 GROUPS = 199
 MOST_GROUPS = 1999  # where a p-value stays small: with eight checks .00125 is asked for
@@ -80,7 +79,7 @@ class GrowthComparison(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """Of what, and how many runs beside how many predicted groups."""
+        """One line: the label of the comparison, and the numbers of runs and predicted groups."""
         return f"{self.label}, {self.runs} runs, compared with {self.groups} predicted groups of as many"
 
     def summary(self) -> ResultTable:
@@ -124,7 +123,7 @@ class GrowthComparison(Shown, Tabular):
 
     @property
     def sentence(self) -> str:
-        """The verdict; where some checks cannot fail, which, and how many groups it takes."""
+        """The verdict; if some checks cannot fail, which, and how many groups it takes."""
         if not self.cannot_fail:
             return self.verdict.sentence
         needed = math.ceil(2 * (len(self.events) + len(self.curves)) / LEVEL) - 1
@@ -218,11 +217,7 @@ class GrowthComparison(Shown, Tabular):
 
         figure : a Matplotlib figure, which it fills; a new one where none is given. Returned
         """
-        from kinetics.support import plots
-
         if figure is None:
-            import matplotlib.pyplot as plt
-
             figure = plt.figure(layout="constrained")
         across = min(3, len(self.curves))
         panels = figure.subplots(-(-len(self.curves) // across), across, sharex=True, squeeze=False)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from calibration.validating.power import LEVEL, OFF_BY, Power
 from kinetics.rates import ClassRates
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.packages import stats
 
 KINDS = {"joins": "join", "breaks": "break"}  # rows of events -> how the keys of their classes begin
 
@@ -60,10 +61,8 @@ def growth_powers(
 
 def _beyond(supposed: Floats, true: Floats, level: float) -> float:
     """Probability that a number like the true ones lies where numbers like the supposed ones do with this one."""
-    from scipy.stats import norm
-
-    half = float(norm.isf(level / 2)) * supposed.std(ddof=1)
+    half = float(stats.norm.isf(level / 2)) * supposed.std(ddof=1)
     middle, mean, sd = supposed.mean(), true.mean(), true.std(ddof=1)
     if sd == 0:
         return float(abs(mean - middle) > half)
-    return float(norm.cdf((middle - half - mean) / sd) + norm.sf((middle + half - mean) / sd))
+    return float(stats.norm.cdf((middle - half - mean) / sd) + stats.norm.sf((middle + half - mean) / sd))

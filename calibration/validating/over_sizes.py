@@ -21,7 +21,7 @@ class ComparedSizes:
 
     @cached_property
     def pooled(self) -> tuple[EventRow, ...]:
-        """Events over all sizes; none where there is only one.
+        """Events over all sizes; none if there is only one.
 
         Simulated groups of one number share their draw of the rates over all sizes, as the held-out runs share the
         true rates.

@@ -1,7 +1,7 @@
 """How surely events of held-out runs show that rates are off: one rule, for plans and for verdicts.
 
 The test is that of `event_rows`: the rank of seen / expected events, where rate times exposure of the held-out runs
-themselves is expected. The mere number of events would hardly depend on the rates once most cubes are used up.
+themselves is expected. The number of events alone would hardly depend on the rates once most cubes are used up.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 
 from calibration.estimating.joins_and_breaks import WHOLES
 from calibration.validating.events import HeldOutEvents
+from kinetics.support.packages import stats
 
 LEVEL = 0.01  # of a false "not consistent" under the model
 OFF_BY = 0.2  # relative
@@ -33,8 +34,6 @@ def power(events: float, factor: float, rates_sd: float, level: float = LEVEL) -
     by what was expected, as in the test, but for those of no events. Approximate, because exposures depend on events
     and rates: where the calibration leaves 12 % or less, within 0.1 of brute force, and too high rather than too low.
     """
-    from scipy.stats import gamma
-
     if not (events > 0 and math.isfinite(rates_sd)):
         return 0.0
     if events < math.inf:
@@ -46,16 +45,14 @@ def power(events: float, factor: float, rates_sd: float, level: float = LEVEL) -
         return float(below + true.sf(high) + tie_high * true.pmf(high))
     if rates_sd == 0:
         return level if factor == 1 else 1.0
-    spread = gamma(1 / rates_sd**2, scale=rates_sd**2)
+    spread = stats.gamma(1 / rates_sd**2, scale=rates_sd**2)
     return float(spread.cdf(spread.ppf(level / 2) / factor) + spread.sf(spread.isf(level / 2) / factor))
 
 
 def _counts(mean: float, rates_sd: float) -> Any:
     """The distribution of a Poisson number whose mean is Gamma."""
-    from scipy.stats import nbinom, poisson
-
     shape = 1 / rates_sd**2 if rates_sd else math.inf
-    return nbinom(shape, shape / (shape + mean)) if shape < 1e9 else poisson(mean)
+    return stats.nbinom(shape, shape / (shape + mean)) if shape < 1e9 else stats.poisson(mean)
 
 
 @dataclass(frozen=True)

@@ -52,13 +52,13 @@ def sequential_p(seen: Floats, numbers: Sequence[int], groups: Callable[[int], F
     """`predictive_p` (K,) among as many groups as each takes to be clear; the least possible (K,).
 
     numbers : of groups, rising, as `looks` gives them; `groups(n)` returns values (n, K) of the first n, and is asked
-        for more of them only where some p-value is not clear yet
+        for more of them only if some p-value is not clear yet
 
     Besag & Clifford (1991), Biometrika 78:301, doi 10.1093/biomet/78.2.301, looked at after given numbers of groups:
     what is clearly above 2 ENOUGH / n stops at n groups with a relative error of about 1 / sqrt(ENOUGH), what may be
     below the level that is asked for gets all of them. Valid at every level a: let n be the first number with
     `clear_p(n)` <= a. A p-value that stopped earlier was at least the `clear_p` of its number, so above a; one that did
-    not is at most a only where the p-value among n groups is (what goes on beyond n was below `clear_p(n)`), and that
+    not is at most a only if the p-value among n groups is (what goes on beyond n was below `clear_p(n)`), and that
     has probability at most a. With a below all of them the last number decides alike.
     """
     p, least = np.full(seen.shape, np.nan), np.full(seen.shape, np.nan)
@@ -78,5 +78,5 @@ def upper_p(seen: float, simulated: Floats) -> float:
 
 
 def shown_p(p: float, least: float = 0.0) -> str:
-    """A p-value in words; one that no smaller could be is an upper limit."""
+    """A p-value as text; the smallest that is possible is an upper bound."""
     return f"p ≤ {p:.1g}" if p <= least else f"p = {p:.2g}"

@@ -1,7 +1,7 @@
 """Single held-out runs judged by the randomised probability integral transform (PIT).
 
 The PIT of a run's value x is F(x-) + v (F(x) - F(x-)), F being the predicted distribution of that value in a single
-run and v uniform: uniform under the model also where values are whole numbers (Czado, Gneiting & Held 2009,
+run and v uniform: uniform under the model also if values are whole numbers (Czado, Gneiting & Held 2009,
 doi:10.1111/j.1541-0420.2009.01191.x). Runs share the draw of the rates and values of one run hang together, so the
 Kolmogorov-Smirnov distance of all PITs is judged among those of simulated groups, not by its textbook distribution.
 """
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from calibration import plots
 from calibration.validating.predictive import upper_p
 from kinetics.support.arrays import Floats
 from kinetics.support.shown import on_axes
@@ -49,8 +50,6 @@ class SingleRuns:
     @on_axes
     def plot(self, ax: Axes) -> Axes:
         """The histogram of all PITs beside its range under the model; returns `ax`."""
-        from calibration import plots
-
         return plots.pit_histogram(ax, self.pit, self.band_low, self.band_high, self.p_value)
 
 

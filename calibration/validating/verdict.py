@@ -15,7 +15,7 @@ from kinetics.support.shown import ResultTable, Shown
 
 @dataclass(frozen=True)
 class ConsistencyCheck:
-    """One thing that held-out runs were tested for.
+    """One test of the held-out runs.
 
     what : the check, with seen and expected values
     p, least : p-value, and the smallest that the test can give
@@ -86,7 +86,7 @@ def judged(checks: Sequence[ConsistencyCheck], powers: Sequence[Power] = ()) -> 
 
 
 def event_checks(rows: Sequence[EventRow], where: str) -> list[ConsistencyCheck]:
-    """Of every group of channels its events; of joins and breaks also their scatter between runs."""
+    """The checks of events of every group of channels, and of the scatter of joins and breaks between runs."""
     checks = []
     for row in rows:
         band = f"{row.expected:.3g} ({row.low:.3g}-{row.high:.3g}) expected"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import ast
 import json
 import re
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ PACKAGES = {
     "mechsim": "Scenes, runs of the mechanics, and the store that keeps them.",
     "calibration": "Rates from paths, with intervals, models, diagnostics and validation.",
 }
+WIDE_TABLES = ".md-typeset table:not([class]) :is(th, td) { min-width: 0; padding: .7em .8em }"  # fit the page
 SCHEMAS = """# JSON schemas
 
 Every command takes `--json` and then prints one object on standard output. The files below are JSON Schema (draft
@@ -40,6 +41,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, name, abs_src_path=str(ROOT / name)))
     for package, text in PACKAGES.items():
         files.append(File.generated(config, f"api/{package}.md", content=reference(package, text)))
+    files.append(File.generated(config, "tables.css", content=WIDE_TABLES))
     files.append(File.generated(config, "commands.md", content=command_page()))
     files.append(File.generated(config, "schemas.md", content=schema_page()))
     return files
@@ -51,12 +53,8 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 
 def public_names(package: str) -> list[str]:
-    """`__all__` of a package, read without importing it, but for its version and its plain values."""
-    tree = ast.parse((ROOT / package.replace(".", "/") / "__init__.py").read_text(encoding="utf-8"))
-    (listed,) = [
-        node.value for node in tree.body if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
-    ]
-    return [name for name in ast.literal_eval(listed) if not name.startswith("__")]
+    """The public names of a package, but for its version."""
+    return [name for name in import_module(package).__all__ if not name.startswith("__")]
 
 
 def reference(package: str, text: str) -> str:

@@ -10,52 +10,28 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from kinetics.assembly.checking.checker import check
-    from kinetics.assembly.checking.findings import Finding, Report
-    from kinetics.assembly.deriving.derive import Derivation, derive
-    from kinetics.assembly.deriving.explore import Exploration, StructureEvent, explore
-    from kinetics.assembly.deriving.ways import RateClass
-    from kinetics.assembly.faces import FACE_NORMALS, ROTATIONS, SCHEMES, FaceScheme, compose, inverse
-    from kinetics.assembly.rules.conditions import Semantics, Senses
-    from kinetics.assembly.rules.rule_book import LivelockError, RuleBook, View
-    from kinetics.assembly.structure import Placement, Structure, placements
+    from kinetics.assembly.checking.checker import check as check
+    from kinetics.assembly.checking.findings import Finding as Finding
+    from kinetics.assembly.checking.findings import Report as Report
+    from kinetics.assembly.deriving.derive import Derivation as Derivation
+    from kinetics.assembly.deriving.derive import derive as derive
+    from kinetics.assembly.deriving.explore import Exploration as Exploration
+    from kinetics.assembly.deriving.explore import StructureEvent as StructureEvent
+    from kinetics.assembly.deriving.explore import explore as explore
+    from kinetics.assembly.deriving.ways import RateClass as RateClass
+    from kinetics.assembly.faces import FACE_NORMALS as FACE_NORMALS
+    from kinetics.assembly.faces import ROTATIONS as ROTATIONS
+    from kinetics.assembly.faces import SCHEMES as SCHEMES
+    from kinetics.assembly.faces import FaceScheme as FaceScheme
+    from kinetics.assembly.faces import compose as compose
+    from kinetics.assembly.faces import inverse as inverse
+    from kinetics.assembly.rules.conditions import Semantics as Semantics
+    from kinetics.assembly.rules.conditions import Senses as Senses
+    from kinetics.assembly.rules.rule_book import LivelockError as LivelockError
+    from kinetics.assembly.rules.rule_book import RuleBook as RuleBook
+    from kinetics.assembly.rules.rule_book import View as View
+    from kinetics.assembly.structure import Placement as Placement
+    from kinetics.assembly.structure import Structure as Structure
+    from kinetics.assembly.structure import placements as placements
 
-_HOMES = {
-    "kinetics.assembly.checking.checker": ("check",),
-    "kinetics.assembly.checking.findings": ("Finding", "Report"),
-    "kinetics.assembly.deriving.derive": ("Derivation", "derive"),
-    "kinetics.assembly.deriving.explore": ("Exploration", "StructureEvent", "explore"),
-    "kinetics.assembly.deriving.ways": ("RateClass",),
-    "kinetics.assembly.faces": ("FACE_NORMALS", "ROTATIONS", "SCHEMES", "FaceScheme", "compose", "inverse"),
-    "kinetics.assembly.rules.conditions": ("Semantics", "Senses"),
-    "kinetics.assembly.rules.rule_book": ("LivelockError", "RuleBook", "View"),
-    "kinetics.assembly.structure": ("Placement", "Structure", "placements"),
-}
-
-__all__ = [
-    "FACE_NORMALS",
-    "ROTATIONS",
-    "SCHEMES",
-    "Derivation",
-    "Exploration",
-    "FaceScheme",
-    "Finding",
-    "LivelockError",
-    "Placement",
-    "RateClass",
-    "Report",
-    "RuleBook",
-    "Semantics",
-    "Senses",
-    "Structure",
-    "StructureEvent",
-    "View",
-    "check",
-    "compose",
-    "derive",
-    "explore",
-    "inverse",
-    "placements",
-]
-
-__getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__)

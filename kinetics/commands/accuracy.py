@@ -21,6 +21,9 @@ from kinetics.support.cli.options import (
     write_tables,
 )
 from kinetics.support.cli.progress import progress_line
+from kinetics.support.plots import save
+from kinetics.trust.accuracy.diagram import measure
+from kinetics.trust.accuracy.plot import draw
 
 TIMES = 101  # at which distributions are compared
 
@@ -57,8 +60,6 @@ def kinetics(
     sampling with 10^2 to 10^6 runs, the master equation at tolerances from 1e-2 to 1e-12, SciPy's solvers, and the rate
     equation, each in a single thread. Ctrl-C ends the comparison and reports what was finished.
     """
-    from kinetics.trust.accuracy.diagram import measure
-
     if not 0 < duration < np.inf:
         raise ValueError(f"--duration {duration:g}; expected a positive number of tu")
     given = described(asked)
@@ -73,9 +74,6 @@ def kinetics(
         )  # fmt: skip
     write_tables(csv_files, made.to_dataframe, float_format="%.6g")
     for plot_file in plot_files:
-        from kinetics.support.plots import save
-        from kinetics.trust.accuracy.plot import draw
-
         save(plot_file, lambda ax: draw(made, ax), size=(8.0, 5.0))
     if as_json:
         echo_json({"rates": asked.rates_name, **conditions(*given), **made.as_dict()})

@@ -9,6 +9,9 @@ import click
 import numpy as np
 
 from kinetics.commands.models import applied, described, instead_of_many_states
+from kinetics.markov import Sensitivity, prism_text, write_explicit
+from kinetics.markov.questions import parse
+from kinetics.markov.settling import answering_chains
 from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.options import (
     HeadedCommand,
@@ -85,10 +88,6 @@ def ask(
     For F, G and U, states are explored only until the answer is settled. If that still leaves infinitely many,
     --truncate truncates the chain; the bounds hold for any behaviour outside.
     """
-    from kinetics.markov import Sensitivity
-    from kinetics.markov.questions import parse
-    from kinetics.markov.settling import answering_chains
-
     if not questions and out_file is None:
         raise ValueError(
             "nothing to do; ask a question, as in 'P=? [ F<=100 quadmer >= 1 ]', or write the chain by --out"
@@ -153,8 +152,6 @@ def _from_files(path: str, given: dict[str, Any]) -> Chain:
 
 def _write(path: str, chain: Chain, model: Model | None) -> None:
     """A chain as explicit files, a network also as a model."""
-    from kinetics.markov import prism_text, write_explicit
-
     suffix = Path(path).suffix.lower()
     if suffix == ".tra":
         write_explicit(chain, path)

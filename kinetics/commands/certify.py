@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from kinetics.assembly import RuleBook
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.failures import CHECKED
@@ -26,7 +27,6 @@ def certify(book: str, certificate: str, steps: int, as_json: bool) -> None:
     the situations that cubes with weaker senses cannot distinguish are compared. Exit code 1 if a claim is false or
     was not decided.
     """
-    from kinetics.assembly import RuleBook
     from kinetics.assembly.checking.certificate import certified
 
     try:

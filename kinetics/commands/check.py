@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from kinetics.assembly import RuleBook
+from kinetics.assembly import check as examine
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.failures import CHECKED, INTERRUPTED
@@ -38,9 +40,6 @@ def check(
     with the shortest sequence of events that leads to it; --plot draws these. Exit code 1 if there are errors. Ctrl-C
     reports what was explored so far.
     """
-    from kinetics.assembly import RuleBook
-    from kinetics.assembly import check as examine
-
     with progress_line() as progress:
         report = examine(
             *(RuleBook.load(book), max_cubes, max_species, delayed_updates),

@@ -11,6 +11,9 @@ from pathlib import Path
 
 import click
 
+from kinetics.assembly import Senses
+from kinetics.assembly.compiler import Target, compile_book
+from kinetics.assembly.rules.writing import written
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import POSITIVE, count_option, default_option
 from kinetics.support.cli.options import echo_json, in_a_folder, json_option, seed_option
@@ -21,7 +24,7 @@ ENDING = 0.5  # of the time that the process took to start: what it takes to end
 
 
 def time_since_start() -> float:
-    """Wall time since the process began that was started for this command, s; 0 where it was called from Python.
+    """Wall time since the process began that was started for this command, s; 0 if it was called from Python.
 
     Where no /proc tells it, the CPU time that was used, which is not more.
     """
@@ -91,10 +94,6 @@ def compile_(
     then few rules. The book is verified before it is printed, with a report of the search. --seed matters only for
     structures that grow from a seed cube.
     """
-    from kinetics.assembly import Senses
-    from kinetics.assembly.compiler import Target, compile_book
-    from kinetics.assembly.rules.writing import written
-
     wanted = Target.load(target)
     if faces or roll or across or touched:
         asked = Senses(faces=faces or "two", roll=roll, across=across, touched=touched)

@@ -19,7 +19,7 @@ from kinetics.support.cli.options import (
     json_option,
     model_options,
 )
-from kinetics.support.extras import require
+from kinetics.support.packages import require
 
 MOST_ENTRIES = 2**22  # of a table written as JSON: some 10 MB
 

@@ -8,10 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from kinetics.assembly import RuleBook, derive
+from kinetics.assembly.drawing.pictures import below_left, face_key, species_sheet, strip, structure_drawing
+from kinetics.assembly.rules.rule_book import BOOKS
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import echo_json, json_option, picture_of, seed_option
 from kinetics.support.cli.progress import progress_line
+from kinetics.support.config import find, read_toml
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation, RuleBook, Structure
@@ -57,8 +61,6 @@ def draw(
     it is the shortest sequence of joins to the finished structure. Networks of more than 24 species are lumped by size.
     """
 
-    from kinetics.assembly import RuleBook
-
     def network() -> Derivation:
         return _derived(RuleBook.load(book), max_cubes, max_species)
 
@@ -79,7 +81,6 @@ def draw(
 
 
 def _structure(name: str) -> Drawn:
-    from kinetics.assembly.drawing.pictures import below_left, face_key, structure_drawing
 
     structure, scheme = _finished(name)
     labels = ["" if letter == PLACEHOLDER else letter for letter in structure.letters]
@@ -90,10 +91,7 @@ def _structure(name: str) -> Drawn:
 
 def _finished(name: str) -> tuple[Structure, str]:
     """The finished structure of a book, or a compiler's target, with the face scheme of its cubes."""
-    from kinetics.assembly import RuleBook
     from kinetics.assembly.compiler.target import TARGETS, Target
-    from kinetics.assembly.rules.rule_book import BOOKS
-    from kinetics.support.config import find, read_toml
 
     if Path(name).suffix == ".toml" or len(Path(name).parts) > 1:
         is_target = not {"layers", "cubes"}.isdisjoint(read_toml(find(name, BOOKS, "rule book or target")))
@@ -118,7 +116,6 @@ def _network(derivation: Derivation) -> Drawn:
 
 
 def _species(derivation: Derivation) -> Drawn:
-    from kinetics.assembly.drawing.pictures import species_sheet
 
     sheet = species_sheet(derivation.structures, derivation.book.scheme, derivation.is_closed)
     return sheet, _size(derivation)
@@ -127,7 +124,6 @@ def _species(derivation: Derivation) -> Drawn:
 def _growth(book: RuleBook, frames: int, seed: int, max_cubes: int | None, max_species: int) -> Drawn:
     """A growth, thinned to so many frames of which the first and the last are kept."""
     from kinetics.assembly.deriving.history import chain, random_growth
-    from kinetics.assembly.drawing.pictures import below_left, face_key, strip
 
     facts: dict[str, Any] = {}
     if book.seed_letter is not None:
@@ -152,8 +148,6 @@ def _size(derivation: Derivation) -> dict[str, Any]:
 
 def _derived(book: RuleBook, max_cubes: int | None, max_species: int) -> Derivation:
     """The network as far as the caps; the drawing says where that is not all."""
-    from kinetics.assembly import derive
-
     with progress_line() as progress:
         return derive(
             *(book, max_cubes, max_species),

@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from kinetics.assembly import RuleBook
+from kinetics.assembly.drawing.pictures import strip
+from kinetics.networkfree import grow as make
+from kinetics.rates import ClassRates
 from kinetics.runs.truncation import TruncatedRunsError, Truncation
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.declared import count_option
+from kinetics.support.cli.declared import count_option, files_option
 from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
     NumbersCommand,
@@ -38,7 +42,7 @@ if TYPE_CHECKING:
 MAX_ROWS = 11  # of a table for people; --json and --csv give every time
 MAX_FINAL = 50  # structures in JSON
 SHOWN_FINAL = 5  # for people
-MAX_WIDTH = 100  # of a structure in words
+MAX_WIDTH = 100  # of a structure as text
 FRAMES = 8  # of a strip
 
 
@@ -73,11 +77,9 @@ FRAMES = 8  # of a strip
     default=MAX_EVENTS,
     help="Maximum number of events in a run; results end where a run would exceed it.",
 )
-@click.option(
+@files_option(
     "--strip",
     "strips",
-    metavar="FILE",
-    multiple=True,
     callback=picture_of,
     help="Draw the growth of the first run as a strip of pictures: PNG, PDF or SVG; may be repeated.",
 )
@@ -112,9 +114,6 @@ def grow(
     standard deviation over the runs. Ctrl-C keeps the runs that are finished. Exit code 4: a run was truncated, and
     there are fewer times than requested.
     """
-    from kinetics.assembly import RuleBook
-    from kinetics.networkfree import grow as make
-
     began = time.process_time()
     rules = RuleBook.load(book)
     rates = _rates(rates_file, join, break_)
@@ -135,8 +134,6 @@ def grow(
     write_tables(csv_files, lambda: made.to_dataframe(grid))
     write_plots(plot_files, lambda ax: made.plot(ax, grid))
     for file in strips:
-        from kinetics.assembly.drawing.pictures import strip
-
         moments = made.runs[0].milestones(FRAMES)
         captions = [f"{moment:.4g} tu" for moment in moments]
         strip(made.runs[0].frames(moments), captions, rules.scheme).save(file)
@@ -192,7 +189,6 @@ def _start(rules: RuleBook, cubes: int, seeds: int | None) -> int | dict[Structu
 
 
 def _rates(rates_file: str | None, join: float | None, break_: float | None) -> ClassRates:
-    from kinetics.rates import ClassRates
 
     if rates_file is not None and join is None and break_ is None:
         return ClassRates.load(rates_file)

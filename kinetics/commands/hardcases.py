@@ -6,6 +6,7 @@ import click
 
 from kinetics.support.cli.options import echo_json, json_option
 from kinetics.support.cli.progress import stage
+from kinetics.trust.hardcases import CASES
 
 
 @click.command()
@@ -16,8 +17,6 @@ def hardcases(only: str, as_json: bool) -> None:
 
     The cases fix their own seeds. Exit code 1 if a case fails.
     """
-    from kinetics.trust.hardcases import CASES
-
     chosen = [case for case in CASES if only in case.name]
     if not chosen:
         raise ValueError(f"no hard case has {only!r} in its name; there are {', '.join(case.name for case in CASES)}")

@@ -1,4 +1,4 @@
-"""Methods as `--method` takes them; those that solve are imported only where one is asked for."""
+"""Methods as `--method` takes them; those that solve are imported only if one is asked for."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class MethodName(click.Choice[str]):
     case_sensitive = True
 
     def __init__(self) -> None:
-        """All of them."""
+        """The methods to choose from."""
 
     @property
     def choices(self) -> Sequence[str]:  # type: ignore[override]
-        """Their names, in the order of the help."""
+        """The names of the methods, in the order of the help."""
         return names()
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:

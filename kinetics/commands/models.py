@@ -31,13 +31,13 @@ def instead_of_many_states(advice: str) -> Iterator[None]:
         raise ValueError(f"{came}. {advice}") from None
 
 
-def described(asked: ModelOptions) -> tuple[Model, Rates | BookRates | None, Tank | None]:
+def described(asked: ModelOptions) -> tuple[Model, Rates | BookRates | None]:
     """The model, the rates to be applied to it (None: it has its own), and the tank (None: that of the rates).
 
     A rule book is a network without rates and counts, which options must give; a network file has both.
     """
     if is_network_file(asked.source):
-        return *_from_file(asked), None
+        return _from_file(asked)
     source, rates_name, cubes = asked.source, asked.rates_name, asked.cubes
     if asked.copies_per_unit is not None:
         raise ValueError(
@@ -70,21 +70,22 @@ def described(asked: ModelOptions) -> tuple[Model, Rates | BookRates | None, Tan
     if tank is not None and rates.measured_in is None:
         raise ValueError(f"--tank {tank}: the rates {rates_name} do not state the tank in which they were measured")
     guessed = rates.not_measured if isinstance(rates, Rates) else ()
-    return Model(network, network.state(counts), notes=(about_priors(guessed),) if guessed else ()), rates, tank
+    notes = (about_priors(guessed),) if guessed else ()
+    return Model(network, network.state(counts), notes=notes, tank=tank), rates
 
 
-def applied(model: Model, rates: Rates | BookRates | None, tank: Tank | None) -> Model:
+def applied(model: Model, rates: Rates | BookRates | None) -> Model:
     """The model with the rate constants that these rates give it in this tank."""
-    return model if rates is None else replace(model, network=rates.apply(model.network, tank))
+    return model if rates is None else replace(model, network=rates.apply(model.network, model.tank))
 
 
-def conditions(model: Model, rates: Rates | BookRates | None, tank: Tank | None) -> dict[str, Any]:
-    """How a propensity is put together, how bonds break and in which tank, for JSON; None where that is not known."""
+def conditions(model: Model, rates: Rates | BookRates | None) -> dict[str, Any]:
+    """The convention of propensities, the break model and the tank, for JSON; None if that is not known."""
     from kinetics.rates import Convention
 
     if rates is None:
         return {"convention": Convention.of(model.network).as_dict(), "breaks": None, "tank": None}
-    breaks, here = rates.breaks, tank or rates.measured_in
+    breaks, here = rates.breaks, model.tank or rates.measured_in
     return {
         "convention": rates.convention.as_dict(),
         "breaks": {"model": breaks.model, "shape": breaks.shape},
@@ -92,9 +93,9 @@ def conditions(model: Model, rates: Rates | BookRates | None, tank: Tank | None)
     }
 
 
-def remarks(model: Model, rates: Rates | BookRates | None, tank: Tank | None) -> tuple[str, ...]:
+def remarks(model: Model, rates: Rates | BookRates | None) -> tuple[str, ...]:
     """How bonds break and in which tank, in a line for people where it applies, and the notes of the model."""
-    here = tank or (None if rates is None else rates.measured_in)
+    here = model.tank or (None if rates is None else rates.measured_in)
     if rates is None or (here is None and CUBES not in model.network.conserved):
         return model.notes
     shape = ", ".join(f"{name} = {value:.3g}" for name, value in rates.breaks.shape.items())

@@ -10,7 +10,13 @@ import click
 import numpy as np
 
 from kinetics.commands.models import applied, conditions, described, instead_of_many_states, remarks
+from kinetics.markov.network_questions import chain_to
+from kinetics.network.laws.writing import quoted
 from kinetics.network.sums import Counted, in_words, summed
+from kinetics.predicting import predict_passage
+from kinetics.runs import TruncatedRunsError
+from kinetics.sampling import simulate
+from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.answer import CONFIDENCE, Answer, kind_of
 from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import (
@@ -34,7 +40,7 @@ from kinetics.support.tables import figure, in_unit, of_unit, text_table
 if TYPE_CHECKING:
     from kinetics.markov.derivatives import Derivatives
     from kinetics.markov.passage import Passage
-    from kinetics.network import Model, Tank
+    from kinetics.network import Model
     from kinetics.rates import BookRates, Rates
 
 MOST = 1_000_000  # states
@@ -109,11 +115,8 @@ def passage(
     ssa the time is sampled at these rate constants, and the intervals reflect the number of runs only. For a network
     with too many states, --truncate gives bounds.
     """
-    from kinetics.markov.network_questions import chain_to
-    from kinetics.predicting import predict_passage
-
     began = time.process_time()
-    model, rates, tank = given = described(asked)
+    model, rates = given = described(asked)
     counted = model.counted(species)
     if truncate is not None and (plot_files or with_sensitivity):
         raise ValueError("--truncate gives bounds, for which there is neither --plot nor --sensitivity; leave one out")
@@ -126,7 +129,7 @@ def passage(
     with instead_of_many_states(INSTEAD), progress_line(budget=budget) as progress:
         progress("solving for the first-passage time")
         if truncate is None:
-            made = predict_passage(model, rates, None, counted, copies, seed, draws, tank)
+            made = predict_passage(model, rates, None, counted, copies, seed, draws)
             found, mean, notes, network = made.passage, made.mean, made.notes, made.network
         else:
             network = applied(*given).network
@@ -241,7 +244,7 @@ def _sensitivities(model: Model, species: Counted, copies: int, found: Passage) 
 
 def _sample(
     asked: ModelOptions,
-    given: tuple[Model, Rates | BookRates | None, Tank | None],
+    given: tuple[Model, Rates | BookRates | None],
     species: str,
     copies: int,
     numbers: tuple[int, int, float],
@@ -249,11 +252,6 @@ def _sample(
     as_json: bool,
 ) -> None:
     """First times of runs that end with the passage, at the posterior mean of each rate constant."""
-    from kinetics.network.laws.writing import quoted
-    from kinetics.runs import TruncatedRunsError
-    from kinetics.sampling import simulate
-    from kinetics.sampling.watch import MAX_EVENTS
-
     began = time.process_time()
     (runs, seed, horizon), unit = numbers, given[0].network.time_unit
     model = replace(applied(*given), observables={species: given[0].counted(species)})

@@ -12,8 +12,10 @@ from click.core import ParameterSource
 
 from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.models import conditions, described, instead_of_many_states, remarks, shown_of
+from kinetics.predicting import AskedAccuracy
+from kinetics.predicting import predict as make
 from kinetics.sampling.watch import MAX_EVENTS
-from kinetics.support.cli.declared import count_option, default_option
+from kinetics.support.cli.declared import count_option, default_option, files_option
 from kinetics.support.cli.failures import INTERRUPTED, STOPPED
 from kinetics.support.cli.options import (
     HEADING,
@@ -95,11 +97,9 @@ INSTEAD = (
     is_flag=True,
     help="Report the elasticity of each mean at the last time by each parameter of the rates.",
 )
-@click.option(
+@files_option(
     "--elasticity-plot",
     "elasticity_files",
-    metavar="FILE",
-    multiple=True,
     callback=picture_of,
     help="Write a bar chart of these elasticities to this PNG, PDF or SVG file; may be repeated.",
 )
@@ -139,33 +139,28 @@ def predict(
 
     With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until they
     are enough, in 20 minutes of CPU time unless --budget says otherwise. 1% is relative to each species' largest mean
-    over the times, or to one copy where that is more. The report says what was chosen, what each method was forecast to
+    over the times, or to one copy if that is more. The report says what was chosen, what each method was forecast to
     cost, the error reached, and what a tenth of the error would cost.
 
     A run that would not end, because counts grow without bound or events come too fast, is truncated; results are given
     for the times before, with a note. Exit code 4: there are fewer times than requested.
     """
-    from kinetics.predicting import predict as make
-
-    asked_for = _accuracy(accuracy, accuracy_of)
-    model, rates, tank = given = described(asked)
+    is_default = click.get_current_context().get_parameter_source("budget") is ParameterSource.DEFAULT
+    asked_for = _accuracy(accuracy, accuracy_of, None if is_default else 60 * budget)
+    model, rates = given = described(asked)
     if (with_elasticity or elasticity_files) and rates is None:
         raise ValueError(f"elasticities are by the parameters of a rates file; {asked.source} has its own rates")
     grid, sums = time_grid(duration, times), shown_of(model, shown)
     chosen = None if method is None else within_budget(method, 60 * budget)
-    is_default = click.get_current_context().get_parameter_source("budget") is ParameterSource.DEFAULT
     with progress_line(budget=budget) as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
-        made = make(
-            model, rates, None, grid, chosen, runs, seed, draws, threads, progress,
-            sums, tank, asked_for, None if is_default or not asked_for else 60 * budget, max_events,
-        )  # fmt: skip
+        made = make(model, rates, None, grid, chosen, runs, seed, draws, threads, progress, sums, asked_for, max_events)
         found = None
         if rates is not None and (with_elasticity or elasticity_files):
             from kinetics.predicting import count_elasticities
 
             progress("elasticities")
             drawn = None if made.drawn is None else made.drawn.at_last()
-            found = count_elasticities(model, rates, None, made.times[-1:], drawn, sums, tank)
+            found = count_elasticities(model, rates, None, made.times[-1:], drawn, sums)
     write_tables(csv_files, made.to_dataframe)
     write_plots(plot_files, made.plot)
     if found is not None:
@@ -208,15 +203,14 @@ def predict(
         raise SystemExit(STOPPED)
 
 
-def _accuracy(size: str | None, of: str) -> AskedAccuracy | None:
-    """The accuracy asked for; None if there is none."""
+def _accuracy(size: str | None, of: str, budget: float | None) -> AskedAccuracy | None:
+    """The accuracy asked for, in so many seconds of CPU time (None: as by default); None if there is none."""
     if size is None:
         if of != "mean":
             raise ValueError(f"--accuracy-of {of}, but no --accuracy; state it, as in --accuracy 1%")
         return None
-    from kinetics.predicting import AskedAccuracy
 
-    return AskedAccuracy.of_text(size, of)
+    return AskedAccuracy.of_text(size, of) if budget is None else AskedAccuracy.of_text(size, of, budget)
 
 
 def _prediction_table(made: Prediction, conditions: tuple[str, ...]) -> str:

@@ -11,6 +11,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kinetics.assembly import RuleBook, derive
+from kinetics.assembly.rules.writing import written
+from kinetics.predicting.ranking import ranking
+from kinetics.rates import ClassRates
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.failures import INTERRUPTED
@@ -116,9 +120,6 @@ def rank(
     solved exactly if the states are few enough, sampled otherwise. Books that differ by less than their errors share a
     rank.
     """
-    from kinetics.assembly.rules.writing import written
-    from kinetics.predicting.ranking import ranking
-
     with progress_line(budget=budget) as progress:
         loaded, notes = _books(books, time_limit, progress)
         rates = _rates(rates_name, rates_book, join, break_, loaded)
@@ -141,8 +142,6 @@ def _books(
     names: Sequence[str], time_limit: float, progress: Callable[[str], None]
 ) -> tuple[list[RuleBook], list[str]]:
     """The books, those of a target compiled, and notes on these; files of one name are called by their paths."""
-    from kinetics.assembly import RuleBook
-
     loaded: list[tuple[str, RuleBook]] = []
     notes: list[str] = []
     for name in names:
@@ -195,8 +194,6 @@ def _compiled(name: str, time_limit: float, progress: Callable[[str], None]) -> 
 def _rates(
     name: str | None, of_book: str | None, join: float | None, break_: float | None, books: Sequence[RuleBook]
 ) -> ClassRates:
-    from kinetics.assembly import RuleBook, derive
-    from kinetics.rates import ClassRates
 
     if (name is None) == (join is None):
         raise ValueError("give the rates by either --rates table3 or --join 7e-5 --break 3e-5")

@@ -5,7 +5,12 @@ from __future__ import annotations
 import click
 
 from kinetics.commands.models import applied, conditions, described, is_network_file, remarks
-from kinetics.support.cli.declared import count_option, default_option
+from kinetics.predicting.scanning import read_values
+from kinetics.predicting.scanning import scan as make
+from kinetics.predicting.scanning.answering import tell_questions
+from kinetics.predicting.scanning.pictures import draw_scan, size_of
+from kinetics.support import plots
+from kinetics.support.cli.declared import count_option, default_option, files_option
 from kinetics.support.cli.failures import CHECKED, INTERRUPTED, keep
 from kinetics.support.cli.options import (
     HeadedCommand,
@@ -64,11 +69,9 @@ from kinetics.support.output import write_whole
     help="Folder in which points are kept; a point that is already there is not answered again.",
 )
 @csv_option
-@click.option(
+@files_option(
     "--parquet",
     "parquet_files",
-    metavar="FILE",
-    multiple=True,
     callback=table_of("pandas", "pyarrow"),
     help="Write the table to this Parquet file; may be repeated.",
 )
@@ -101,10 +104,6 @@ def scan(
     are answered: after Ctrl-C, or with a larger grid, the same command answers only those that are missing. Exit code
     1: a question has no answer at some points, for which the table says why.
     """
-    from kinetics.predicting.scanning import read_values
-    from kinetics.predicting.scanning import scan as make
-    from kinetics.predicting.scanning.answering import tell_questions
-
     over = {}
     for text in ranges:
         name, values = read_values(text)
@@ -138,9 +137,6 @@ def scan(
     for parquet_file in parquet_files:
         write_whole(parquet_file, made.to_dataframe().to_parquet(index=False))
     for plot_file in plot_files:
-        from kinetics.predicting.scanning.pictures import draw_scan, size_of
-        from kinetics.support import plots
-
         plots.save_figure(plot_file, lambda figure: draw_scan(figure, made), size_of(made))
     if as_json:
         echo_json(

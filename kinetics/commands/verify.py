@@ -20,6 +20,7 @@ from kinetics.support.cli.options import (
     seed_option,
 )
 from kinetics.support.cli.progress import progress_line
+from kinetics.trust.verification import Reference, verify_against
 
 METHODS: dict[str, type[SamplingMethod]] = {method.name: method for method in SAMPLING_METHODS}
 ALL = "all"
@@ -65,12 +66,11 @@ def verify(
     anything fails.
     """
     from kinetics.trust.solver_agreement import compare_solvers
-    from kinetics.trust.verification import Reference, verify_against
 
     model = applied(*described(asked))
     grid = list(times) or [DURATION / 10, DURATION]
     chosen = [kind() for name, kind in METHODS.items() if method in (ALL, name)]
-    refused = {one.name: one.refusal(model.network) for one in chosen}
+    refused = {one.name: one.unsupported_reason(model.network) for one in chosen}
     if all(refused.values()):
         raise ValueError(f"no such method supports the network: {'; '.join(refused.values())}")
     with progress_line(budget=budget) as progress:

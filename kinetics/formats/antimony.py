@@ -16,8 +16,8 @@ from kinetics.formats.base import Format
 from kinetics.formats.outside import Program
 from kinetics.formats.sbml import model_in
 from kinetics.network import Model
-from kinetics.support.extras import require
 from kinetics.support.limits import text_in
+from kinetics.support.packages import require
 
 MAX_BYTES = 4 * 2**20
 # Pieces as the library's lexer has them: `-o` is one, whatever follows it, and numbers end where words may begin.

@@ -97,8 +97,8 @@ class _NetReader:
         kept = is_counted[needs[1]]
         needed = needs[0][kept], moved[needs[1][kept]]
         network = Network(
-            counted,
-            channels,
+            tuple(counted),
+            tuple(channels),
             SparseTable.of_entries(shape, *needed, np.ones(needed[0].size, dtype=np.int64)),
             SparseTable.of_entries(shape, changes.rows, moved[changes.columns], changes.copies),
             ways,

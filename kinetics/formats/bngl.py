@@ -22,8 +22,8 @@ from kinetics.formats.bnglblocks import BLOCKS, parameter
 from kinetics.formats.bngltext import BLANKS, BnglLine, lines_of
 from kinetics.formats.outside import Program
 from kinetics.network import Model
-from kinetics.support.extras import require
 from kinetics.support.limits import text_in
+from kinetics.support.packages import require
 
 MAX_BYTES = 4 * 2**20
 FOLDERS = {"linux": "bng-linux", "darwin": "bng-mac", "win32": "bng-win"}

@@ -22,6 +22,7 @@ from kinetics.network import Model, Network
 from kinetics.network.laws.graph import BudgetError
 from kinetics.network.parameters import Parameters
 from kinetics.support.limits import XML_BYTES, bytes_in
+from kinetics.support.packages import libsbml
 
 
 @dataclass(frozen=True)
@@ -95,8 +96,6 @@ def _check_scope(names: SbmlNames) -> None:
 
 def _are_moles(names: SbmlNames) -> bool:
     """Whether the model, or a species of a state, states moles as the unit of its amounts."""
-    import libsbml
-
     stated = {names.source.getSubstanceUnits(), *(names.species[name].getSubstanceUnits() for name in names.states)}
     defined = {each.getId(): each for each in names.each("UnitDefinitions")}
     units = [defined[unit].getUnit(i) for unit in stated & defined.keys() for i in range(defined[unit].getNumUnits())]

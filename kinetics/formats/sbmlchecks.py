@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator
 from typing import Any
 
 from kinetics.formats.sbmlmath import names_in, parts_of
+from kinetics.support.packages import libsbml
 
 
 def check_consistency(document: Any) -> None:
@@ -27,8 +28,6 @@ def check_consistency(document: Any) -> None:
 
 def _functions_alone(model: Any) -> Iterator[tuple[Any, Any]]:
     """Functions that call others, each with a function of the same kind of value that calls none."""
-    import libsbml
-
     listed = [model.getFunctionDefinition(i) for i in range(model.getNumFunctionDefinitions())]
     defined = {each.getId(): each for each in listed}
     for each in listed:
@@ -56,8 +55,6 @@ def _formulas_alone(model: Any) -> Iterator[tuple[Any, Any]]:
 
 def _without(math_: Any, names: Collection[str]) -> Any | None:
     """A formula with a number in place of some ids; None if it has none of them."""
-    import libsbml
-
     if names_in(math_)[0].keys().isdisjoint(names):
         return None
     made = math_.deepCopy()
@@ -69,8 +66,6 @@ def _without(math_: Any, names: Collection[str]) -> Any | None:
 
 def _is_truth(body: Any, defined: dict[str, Any]) -> bool:
     """Whether a formula is true or false, as far as its form shows it."""
-    import libsbml
-
     for _ in range(len(defined) + 100):  # functions may call each other in a circle
         kind = body.getType()
         if kind == libsbml.AST_FUNCTION and body.getName() in defined:

@@ -14,6 +14,7 @@ from kinetics.support.limits import (
     check_count,
     check_names,
 )
+from kinetics.support.packages import libsbml
 
 MAX_DEPTH = 100  # of tags; libsbml ends the whole process on some files that are thousands deep
 MAX_ERRORS = 5  # reported at once
@@ -23,8 +24,6 @@ LOOKS = ("layout", "render", "annot")  # those that say how a model looks, not w
 
 def document_of(path: Path, data: bytes) -> Any:
     """The document in a file's bytes: with a model, and nothing that libsbml faults or that we do not know."""
-    import libsbml
-
     _check_depth(path, data)
     try:
         text = data.decode("utf-8-sig")
@@ -86,7 +85,6 @@ def _check_depth(path: Path, data: bytes) -> None:
 
 
 def _raise_errors(path: Path, document: Any, passed: Set[str]) -> None:
-    import libsbml
 
     found = []
     for i in range(document.getNumErrors()):

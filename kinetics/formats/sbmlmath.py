@@ -7,6 +7,7 @@ from typing import Any
 
 from kinetics.formats.sbmloperators import builders
 from kinetics.network.laws.graph import Graph, Node
+from kinetics.support.packages import libsbml
 
 SHOWN = 80  # characters of a formula in a message
 
@@ -105,15 +106,13 @@ def node_of(
 
 def names_in(root: Any) -> tuple[dict[str, None], dict[str, None]]:
     """The ids that a formula reads, and the functions that it calls, in order."""
-    import libsbml as sbml
-
     ids: dict[str, None] = {}
     called: dict[str, None] = {}
     for part in parts_of(root):
         kind = part.getType()
-        if kind == sbml.AST_NAME:
+        if kind == libsbml.AST_NAME:
             ids[part.getName()] = None
-        elif kind == sbml.AST_FUNCTION:
+        elif kind == libsbml.AST_FUNCTION:
             called[part.getName()] = None
     return ids, called
 
@@ -137,22 +136,20 @@ def _node_of_part(
     time: int,
 ) -> int:
     """The node of a formula whose parts are `inner`."""
-    import libsbml as sbml
-
     kind = part.getType()
-    if kind == sbml.AST_INTEGER:
+    if kind == libsbml.AST_INTEGER:
         return graph.number(part.getInteger())
-    if kind in (sbml.AST_REAL, sbml.AST_REAL_E, sbml.AST_RATIONAL):
+    if kind in (libsbml.AST_REAL, libsbml.AST_REAL_E, libsbml.AST_RATIONAL):
         return graph.number(part.getReal())
-    if kind == sbml.AST_NAME:
+    if kind == libsbml.AST_NAME:
         return meaning(part.getName())
-    if kind == sbml.AST_FUNCTION:
+    if kind == libsbml.AST_FUNCTION:
         return call(part.getName(), inner)
-    if kind == sbml.AST_NAME_TIME:
+    if kind == libsbml.AST_NAME_TIME:
         return time
     build = builders().get(kind)
     found = build(graph, inner) if build else None
     if found is None:
-        spelled = sbml.formulaToL3String(part) or part.getName() or "a formula"
+        spelled = libsbml.formulaToL3String(part) or part.getName() or "a formula"
         raise ValueError(f"{spelled[:SHOWN]!r} cannot be written as a rate law here")
     return found

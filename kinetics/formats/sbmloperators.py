@@ -10,6 +10,7 @@ from itertools import pairwise
 from kinetics.formats.functions import MADE_OF_OTHERS
 from kinetics.network.laws.graph import Code, Graph
 from kinetics.network.laws.reading import written
+from kinetics.support.packages import libsbml
 
 MADE = {
     **{f"AST_FUNCTION_{name.upper()}": name for name in ("tan", "cot", "sec", "csc", "sinh", "cosh", "tanh")},
@@ -25,46 +26,44 @@ Build = Callable[[Graph, Sequence[int]], int | None]
 @cache
 def builders() -> dict[int, Build]:
     """Kind of libsbml -> what makes its node of those of its parts; None if there are too many or too few."""
-    import libsbml as sbml
-
     return {
-        sbml.AST_NAME_AVOGADRO: lambda graph, _: graph.number(AVOGADRO),
-        sbml.AST_CONSTANT_PI: lambda graph, _: graph.number(math.pi),
-        sbml.AST_CONSTANT_E: lambda graph, _: graph.add(Code.EXP, (graph.number(1.0),)),
-        sbml.AST_CONSTANT_TRUE: lambda graph, _: truth(graph, True),
-        sbml.AST_CONSTANT_FALSE: lambda graph, _: truth(graph, False),
-        sbml.AST_PLUS: lambda graph, inner: graph.all_of(Code.ADD, inner or [graph.number(0.0)]),
-        sbml.AST_TIMES: lambda graph, inner: graph.all_of(Code.MULTIPLY, inner or [graph.number(1.0)]),
-        sbml.AST_LOGICAL_AND: lambda graph, inner: graph.all_of(Code.AND, inner or [truth(graph, True)]),
-        sbml.AST_LOGICAL_OR: lambda graph, inner: graph.all_of(Code.OR, inner or [truth(graph, False)]),
-        sbml.AST_RELATIONAL_LT: _compared(Code.LESS),
-        sbml.AST_RELATIONAL_LEQ: _compared(Code.LESS_EQUAL),
-        sbml.AST_RELATIONAL_GT: _compared(Code.LESS, is_mirrored=True),
-        sbml.AST_RELATIONAL_GEQ: _compared(Code.LESS_EQUAL, is_mirrored=True),
-        sbml.AST_RELATIONAL_EQ: _compared(Code.EQUAL),
-        sbml.AST_RELATIONAL_NEQ: _compared(Code.NOT_EQUAL),
-        sbml.AST_FUNCTION_EXP: _of_one(Code.EXP),
-        sbml.AST_FUNCTION_LN: _of_one(Code.LOG),
-        sbml.AST_FUNCTION_ABS: _of_one(Code.ABSOLUTE),
-        sbml.AST_FUNCTION_SIN: _of_one(Code.SINE),
-        sbml.AST_FUNCTION_COS: _of_one(Code.COSINE),
-        sbml.AST_FUNCTION_FLOOR: _of_one(Code.FLOOR),
-        sbml.AST_FUNCTION_CEILING: _of_one(Code.CEILING),
-        sbml.AST_LOGICAL_NOT: _of_one(Code.NOT),
-        sbml.AST_FUNCTION_MIN: lambda graph, inner: graph.all_of(Code.MINIMUM, inner) if inner else None,
-        sbml.AST_FUNCTION_MAX: lambda graph, inner: graph.all_of(Code.MAXIMUM, inner) if inner else None,
-        sbml.AST_FUNCTION_PIECEWISE: _piecewise,
-        sbml.AST_MINUS: _minus,
-        sbml.AST_DIVIDE: _of_two(Code.DIVIDE),
-        sbml.AST_POWER: _of_two(Code.POWER),
-        sbml.AST_FUNCTION_POWER: _of_two(Code.POWER),
-        sbml.AST_FUNCTION_LOG: _log,
-        sbml.AST_FUNCTION_ROOT: _root,
-        sbml.AST_FUNCTION_QUOTIENT: _of_a_and_b(QUOTIENT),
-        sbml.AST_FUNCTION_REM: _of_a_and_b(f"a - b * {QUOTIENT}"),  # its sign is that of a, and of a % b that of b
-        sbml.AST_LOGICAL_IMPLIES: _of_a_and_b("not a or b"),
-        sbml.AST_LOGICAL_XOR: _of_a_and_b("(not a) != (not b)"),
-        **{getattr(sbml, kind): _made(name) for kind, name in MADE.items()},
+        libsbml.AST_NAME_AVOGADRO: lambda graph, _: graph.number(AVOGADRO),
+        libsbml.AST_CONSTANT_PI: lambda graph, _: graph.number(math.pi),
+        libsbml.AST_CONSTANT_E: lambda graph, _: graph.add(Code.EXP, (graph.number(1.0),)),
+        libsbml.AST_CONSTANT_TRUE: lambda graph, _: truth(graph, True),
+        libsbml.AST_CONSTANT_FALSE: lambda graph, _: truth(graph, False),
+        libsbml.AST_PLUS: lambda graph, inner: graph.all_of(Code.ADD, inner or [graph.number(0.0)]),
+        libsbml.AST_TIMES: lambda graph, inner: graph.all_of(Code.MULTIPLY, inner or [graph.number(1.0)]),
+        libsbml.AST_LOGICAL_AND: lambda graph, inner: graph.all_of(Code.AND, inner or [truth(graph, True)]),
+        libsbml.AST_LOGICAL_OR: lambda graph, inner: graph.all_of(Code.OR, inner or [truth(graph, False)]),
+        libsbml.AST_RELATIONAL_LT: _compared(Code.LESS),
+        libsbml.AST_RELATIONAL_LEQ: _compared(Code.LESS_EQUAL),
+        libsbml.AST_RELATIONAL_GT: _compared(Code.LESS, is_mirrored=True),
+        libsbml.AST_RELATIONAL_GEQ: _compared(Code.LESS_EQUAL, is_mirrored=True),
+        libsbml.AST_RELATIONAL_EQ: _compared(Code.EQUAL),
+        libsbml.AST_RELATIONAL_NEQ: _compared(Code.NOT_EQUAL),
+        libsbml.AST_FUNCTION_EXP: _of_one(Code.EXP),
+        libsbml.AST_FUNCTION_LN: _of_one(Code.LOG),
+        libsbml.AST_FUNCTION_ABS: _of_one(Code.ABSOLUTE),
+        libsbml.AST_FUNCTION_SIN: _of_one(Code.SINE),
+        libsbml.AST_FUNCTION_COS: _of_one(Code.COSINE),
+        libsbml.AST_FUNCTION_FLOOR: _of_one(Code.FLOOR),
+        libsbml.AST_FUNCTION_CEILING: _of_one(Code.CEILING),
+        libsbml.AST_LOGICAL_NOT: _of_one(Code.NOT),
+        libsbml.AST_FUNCTION_MIN: lambda graph, inner: graph.all_of(Code.MINIMUM, inner) if inner else None,
+        libsbml.AST_FUNCTION_MAX: lambda graph, inner: graph.all_of(Code.MAXIMUM, inner) if inner else None,
+        libsbml.AST_FUNCTION_PIECEWISE: _piecewise,
+        libsbml.AST_MINUS: _minus,
+        libsbml.AST_DIVIDE: _of_two(Code.DIVIDE),
+        libsbml.AST_POWER: _of_two(Code.POWER),
+        libsbml.AST_FUNCTION_POWER: _of_two(Code.POWER),
+        libsbml.AST_FUNCTION_LOG: _log,
+        libsbml.AST_FUNCTION_ROOT: _root,
+        libsbml.AST_FUNCTION_QUOTIENT: _of_a_and_b(QUOTIENT),
+        libsbml.AST_FUNCTION_REM: _of_a_and_b(f"a - b * {QUOTIENT}"),  # its sign is that of a, and of a % b that of b
+        libsbml.AST_LOGICAL_IMPLIES: _of_a_and_b("not a or b"),
+        libsbml.AST_LOGICAL_XOR: _of_a_and_b("(not a) != (not b)"),
+        **{getattr(libsbml, kind): _made(name) for kind, name in MADE.items()},
     }
 
 

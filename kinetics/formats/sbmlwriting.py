@@ -12,6 +12,7 @@ from kinetics.network import Model, Network
 from kinetics.network.checks import spelled_apart
 from kinetics.network.reactions import sides_of
 from kinetics.support.limits import BREAKS, check_visible
+from kinetics.support.packages import libsbml
 
 PLACE = "x{}"  # of an id in a formula
 
@@ -21,8 +22,6 @@ def sbml_text(model: Model) -> str:
 
     Names that no id can have are kept as names, beside an id with _ for the characters in question.
     """
-    import libsbml
-
     network = model.network
     if not network.is_mass_action:
         what = f"law of channel {next(iter(network.laws))!r}" if network.laws else f"event {network.events[0].name!r}"
@@ -92,8 +91,6 @@ def _formula(text: str, ids: Sequence[str]) -> Any | None:
 
     The ids go around the grammar of texts, which takes `Pi`, `inf` or `Time`, in any case, for constants.
     """
-    import libsbml
-
     made = libsbml.parseL3Formula(text)
     named = {PLACE.format(i): key for i, key in enumerate(ids)}
     for part in parts_of(made) if made else ():

@@ -22,7 +22,7 @@ def stands_still(clock, t):
 
 @compiled(inline="always")
 def next_time(t, wait, total, clock):
-    """When the next event comes: the time, inf where none does, and the outcome.
+    """When the next event comes: the time, inf if none does, and the outcome.
 
     wait : a unit exponential; total : sum of the propensities, 1/tu. Gillespie (1977), eq. 21a: tau = wait / total
     clock : see `stands_still`; t is its time

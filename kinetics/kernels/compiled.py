@@ -3,7 +3,7 @@
 Numba's own `cache=True` watches the file of a function alone: where a function that it calls lies in another file and
 is edited, the old machine code silently stays in use. Here compiled code lies in a folder named by a hash of all
 kernel sources, so kernels may call each other across files and a shared step is written once. Kernels are imported
-when they are needed; where sources were edited meanwhile, the process runs on and writes nothing to the cache.
+when they are needed; if sources were edited meanwhile, the process runs on and writes nothing to the cache.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ import numba
 from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.types import unliteral
+
+from kinetics.support.cli.progress import is_terminal
+from kinetics.support.interrupts import heard
 
 PREFIX = "kernels-"
 # Folders of one room: going back to sources of a while ago, or another version of Numba, compiles nothing anew.
@@ -73,8 +76,6 @@ def beside_interrupts(compile_for: Callable[..., Any], *args: Any, **kws: Any) -
 
     An interrupt within Numba or LLVM may be dropped, turned into another error, or crash the process.
     """
-    from kinetics.support.interrupts import heard  # of ours, only this file may import more than kernels
-
     return heard(compile_for, *args, **kws)
 
 
@@ -94,8 +95,6 @@ def say_that_nothing_is_kept() -> None:
 @functools.cache
 def say_that_it_compiles() -> None:
     """Once a command, to a person at a terminal: it takes seconds, and only the first time."""
-    from kinetics.support.cli.progress import is_terminal
-
     if is_terminal(sys.stderr) and multiprocessing.parent_process() is None:
         print("compiling kernels, which are stored for the next time ...", file=sys.stderr, flush=True)  # noqa: T201
 
@@ -165,7 +164,7 @@ class KernelRoom:
         self.sources = sources_hash(folder)
 
     def look(self) -> None:
-        """Note whether the sources are still those hashed; they are read again only where a file looks changed."""
+        """Note whether the sources are still those hashed; they are read again only if a file looks changed."""
         try:
             files = file_states(self.folder)
             if files != self._files:
@@ -193,7 +192,7 @@ def file_states(folder: Path) -> set[tuple[str, int, int, int]]:
 
 
 def sources_hash(folder: Path) -> str:
-    """Of all that decides what the kernels in a folder compile to: their sources, this file, and Numba's version."""
+    """A hash of all that kernels in a folder are compiled from: their sources, this file, and Numba's version."""
     seen = hashlib.sha256(numba.__version__.encode())
     for path in (Path(__file__), *sorted(folder.glob("*.py"))):
         text = path.read_bytes()

@@ -29,7 +29,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop=None)
     clock : (3,) the time, tu, and what `clock.stands_still` notes; changed in place
     stream : (4,) uint64, state of the random stream; changed in place
     times, fired : (B,) buffers that receive the events, by the model's channels
-    stop : see `Stop`; None where nothing ends the run before
+    stop : see `Stop`; None if nothing ends the run before
 
     Returns the outcome and the number of events written.
     """

@@ -1,4 +1,4 @@
-"""Where runs stand between calls of a kernel, and where they stop; plain Python, for all that read it."""
+"""State of runs between calls of a kernel, and their stop condition; plain Python, importable without Numba."""
 
 from typing import NamedTuple
 
@@ -25,7 +25,7 @@ class EnsembleWork(NamedTuple):
 
 
 def ensemble_work(n_species: int) -> EnsembleWork:
-    """Before the first run."""
+    """A workspace before the first run."""
     return EnsembleWork(
         np.ones(n_species + 1, dtype=np.int64), np.zeros(3), np.zeros(4, dtype=np.uint64), np.array([0, 0, BEFORE, 0])
     )
@@ -36,7 +36,7 @@ class Stop(NamedTuple):
 
     affects_stop (G + 1,) bool : channels of the kernel that change what the condition reads; the last stands for none
     table (n,) : comparisons one after the other: low, high, yes, no, number of terms, and of each term species and
-        weight. Where the sum of the terms is from low to high, the comparison that begins at `yes` comes next, else
+        weight. If the sum of the terms is from low to high, the comparison that begins at `yes` comes next, else
         that at `no`; or these are HOLDS or FAILS. One array, because each costs a kernel time. Empty for a program
     codes, operands (m,) int32, numbers (m,) : a program in its place, see `programs.Programs`, where the condition
         compares other things than sums; else empty

@@ -108,7 +108,7 @@ def plan(model, work, counts, event, t):
 
 @compiled
 def next_due(work):
-    """The next moment of the calendar; inf where it is empty."""
+    """The next moment of the calendar; inf if it is empty."""
     moment = np.inf
     for place in range(work.notes[2]):
         moment = min(moment, work.moments[place])

@@ -41,7 +41,7 @@ def tabulate(keys, n, size):
 
 @compiled
 def find(asked, asked_keys, states, keys, table):
-    """Rows (n,) of the states `asked` (n, S); -1 where there is none."""
+    """Rows (n,) of the states `asked` (n, S); -1 if there is none."""
     rows = np.full(asked.shape[0], -1, dtype=np.int64)
     for i in range(asked.shape[0]):
         slot = first_slot(asked_keys[i], table.size)
@@ -107,7 +107,7 @@ def explore(
 
     needed, changes : starts, species and copies of the reactants and the stoichiometry of the channels that work
     key_changes : (R,) uint64, what a channel adds to the key
-    states, keys, table : room for states; where it does not suffice, larger copies come back
+    states, keys, table : room for states; if it does not suffice, larger copies come back
     level_end : row at which a level ends, all states that one event more leads to
     is_stopped : states that lead nowhere, of the first ones
     judged : states, keys and table of those of which `verdicts` are known; without any, all channels obey mass action

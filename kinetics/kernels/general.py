@@ -3,7 +3,7 @@
 Rate laws, conditions and new counts are programs of one stack machine: `programs` runs them at a moment, `intervals`
 over a stretch of time, which bounds them.
 
-Where rate laws depend on the time, candidates come at the rate of an upper bound that holds until the end of a window,
+If rate laws depend on the time, candidates come at the rate of an upper bound that holds until the end of a window,
 and each is kept with the probability that the propensity at its moment has of that bound (Lewis & Shedler 1979,
 doi:10.1002/nav.3800260304; Ogata 1981 for bounds that depend on the past). This is exact for any bound. A window is so
 long that about one candidate is wasted in it; its length depends on the run's past alone. Without such rate laws this
@@ -120,7 +120,7 @@ def add_up(which, begin, end, n_channels, numbers, sums):
 
 @compiled
 def first_bad(which, begin, end, results):
-    """The first of the channels which[begin:end] whose propensity is none; -1 where all are well."""
+    """The first of the channels which[begin:end] whose propensity is none; -1 if all are well."""
     for i in range(begin, end):
         if not 0.0 <= results[which[i]] < np.inf:
             return which[i]
@@ -129,7 +129,7 @@ def first_bad(which, begin, end, results):
 
 @compiled
 def open_window(model, work, counts, t):
-    """Bounds of the timed rate laws until the end of a window, also where a condition turns or an event is due."""
+    """Bounds of the timed rate laws until the end of a window, also if a condition turns or an event is due."""
     timed, results, highs, window = model.timed, work.results, work.highs, work.window
     n_channels = model.change_starts.size - 1
     values(model.programs, timed, 0, timed.size, counts, t, work.stack, results)

@@ -74,8 +74,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     clock : (3,) the time, tu, and what `clock.stands_still` notes; changed in place
     waits, uniforms : (D,) draws
     grid, out : (T,) tu and (T, S), receives the counts
-    times, fired : receive the events; (D,), or (0,) where nobody asks for them
-    stop : see `Stop`; None where nothing ends the run before
+    times, fired : receive the events; (D,), or (0,) if none are asked for
+    stop : see `Stop`; None if nothing ends the run before
 
     Returns the outcome.
     """

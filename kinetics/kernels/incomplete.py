@@ -87,7 +87,7 @@ def occupy(begins, middles, columns, shares, exits, x):
 
 
 @compiled
-def earned(begins, columns, rates, exits, x, result):
+def accumulated(begins, columns, rates, exits, x, result):
     """Compute A x (n,)."""
     for i in range(exits.size):
         total = 0.0

@@ -7,47 +7,16 @@ import math
 
 import numpy as np
 
+from kinetics.kernels import programs as op
 from kinetics.kernels.compiled import compiled
-from kinetics.kernels.programs import (
-    ABSOLUTE,
-    ADD,
-    AND,
-    CEILING,
-    CLOCK,
-    CONSTANT,
-    COSINE,
-    DIVIDE,
-    EQUAL,
-    FLOOR,
-    GUARD,
-    KEEP,
-    LESS,
-    LESS_EQUAL,
-    LOG,
-    MAXIMUM,
-    MINIMUM,
-    MODULO,
-    MULTIPLY,
-    NEGATE,
-    NOT,
-    NOT_EQUAL,
-    POWER,
-    REFUSE,
-    SELECT,
-    SINE,
-    SQRT,
-    SUBTRACT,
-    TIMES,
-    of_one,
-    of_two,
-)
+from kinetics.kernels.programs import of_one, of_two
 
 LARGEST_ANGLE = 1e7  # beyond it, rounding takes too much of an angle
 TINY = 5e-324
 
 
 @compiled
-def wider(low, high, ulps):
+def inflated(low, high, ulps):
     """The interval, larger by some units in the last place on both sides; all numbers where it is undefined."""
     if np.isnan(low) or np.isnan(high):
         return -np.inf, np.inf
@@ -72,14 +41,14 @@ def range_of_wave(code, low, high):
         return -1.0, 1.0
     one, other = of_one(code, low), of_one(code, high)
     least, most = min(one, other), max(one, other)
-    peak = 0.5 * math.pi if code == SINE else 0.0
+    peak = 0.5 * math.pi if code == op.SINE else 0.0
     valley = peak + math.pi
-    # Where rounding moves a peak just out of the interval, the ends are as high as it within what `wider` adds.
+    # Where rounding moves a peak just out of the interval, the ends are as high as it within what `inflated` adds.
     if peak + 2.0 * math.pi * np.ceil((low - peak) / (2.0 * math.pi)) <= high:
         most = 1.0
     if valley + 2.0 * math.pi * np.ceil((low - valley) / (2.0 * math.pi)) <= high:
         least = -1.0
-    return wider(least, most, 8.0)
+    return inflated(least, most, 8.0)
 
 
 @compiled
@@ -88,18 +57,18 @@ def range_of_one(code, low, high):
     if low == high:
         value = of_one(code, low)
         return (-np.inf, np.inf) if np.isnan(value) else (value, value)
-    if code == NEGATE:
+    if code == op.NEGATE:
         return -high, -low
-    if code == NOT:
+    if code == op.NOT:
         return (1.0 if low == high == 0.0 else 0.0), (1.0 if low <= 0.0 <= high else 0.0)
-    if code == ABSOLUTE:
+    if code == op.ABSOLUTE:
         return max(low, -high, 0.0), max(-low, high)
-    if code in (SINE, COSINE):
+    if code in (op.SINE, op.COSINE):
         return range_of_wave(code, low, high)
-    if code in (LOG, SQRT) and low < 0.0:
+    if code in (op.LOG, op.SQRT) and low < 0.0:
         return -np.inf, np.inf
     least, most = of_one(code, low), of_one(code, high)  # these rise
-    return (least, most) if code in (FLOOR, CEILING) else wider(least, most, 8.0)
+    return (least, most) if code in (op.FLOOR, op.CEILING) else inflated(least, most, 8.0)
 
 
 @compiled
@@ -107,12 +76,12 @@ def range_of_power(a, b, c, d):
     """x**y for x from a to b, y from c to d: monotonic in each, where x is not below 0 or y is one whole number."""
     if a >= 0.0:
         least, most = hull(np.power(a, c), np.power(a, d), np.power(b, c), np.power(b, d))
-        return wider(least, most, 8.0)
+        return inflated(least, most, 8.0)
     if c != d or c != np.floor(c) or (c < 0.0 <= b):
         return -np.inf, np.inf
     one, other = np.power(a, c), np.power(b, c)
     is_even = np.mod(c, 2.0) == 0.0
-    return wider(0.0 if is_even and b > 0.0 and c > 0.0 else min(one, other), max(one, other), 8.0)
+    return inflated(0.0 if is_even and b > 0.0 and c > 0.0 else min(one, other), max(one, other), 8.0)
 
 
 @compiled
@@ -121,38 +90,38 @@ def range_of_two(code, a, b, c, d):
     if a == b and c == d:
         value = of_two(code, a, c)
         return (-np.inf, np.inf) if np.isnan(value) else (value, value)
-    if code == ADD:
-        return wider(a + c, b + d, 1.0)
-    if code == SUBTRACT:
-        return wider(a - d, b - c, 1.0)
-    if code == MULTIPLY:
+    if code == op.ADD:
+        return inflated(a + c, b + d, 1.0)
+    if code == op.SUBTRACT:
+        return inflated(a - d, b - c, 1.0)
+    if code == op.MULTIPLY:
         least, most = hull(a * c, a * d, b * c, b * d)
-        return wider(least, most, 1.0)
-    if code == DIVIDE:
+        return inflated(least, most, 1.0)
+    if code == op.DIVIDE:
         if c <= 0.0 <= d:
             return -np.inf, np.inf
         least, most = hull(a / c, a / d, b / c, b / d)
-        return wider(least, most, 1.0)
-    if code == MODULO:
+        return inflated(least, most, 1.0)
+    if code == op.MODULO:
         if not (c > 0.0 and d < np.inf):
             return -np.inf, np.inf
         first, last = np.mod(a, c), np.mod(b, c)
         return (first, last) if c == d and b - a < 0.5 * c and first <= last else (0.0, d)
-    if code == POWER:
+    if code == op.POWER:
         return range_of_power(a, b, c, d)
-    if code == MINIMUM:
+    if code == op.MINIMUM:
         return min(a, c), min(b, d)
-    if code == MAXIMUM:
+    if code == op.MAXIMUM:
         return max(a, c), max(b, d)
-    if code == LESS:
+    if code == op.LESS:
         return (1.0 if b < c else 0.0), (1.0 if a < d else 0.0)
-    if code == LESS_EQUAL:
+    if code == op.LESS_EQUAL:
         return (1.0 if b <= c else 0.0), (1.0 if a <= d else 0.0)
-    if code == EQUAL:
+    if code == op.EQUAL:
         return 0.0, (1.0 if a <= d and c <= b else 0.0)
-    if code == NOT_EQUAL:
+    if code == op.NOT_EQUAL:
         return (1.0 if b < c or d < a else 0.0), 1.0
-    return (min(a, c), min(b, d)) if code == AND else (max(a, c), max(b, d))
+    return (min(a, c), min(b, d)) if code == op.AND else (max(a, c), max(b, d))
 
 
 @compiled
@@ -165,37 +134,37 @@ def ranges(programs, which, begin, end, counts, since, until, stack, lows, highs
         height = 0
         for step in range(starts[p], starts[p + 1]):
             code = codes[step]
-            if code <= CLOCK:
+            if code <= op.CLOCK:
                 stack[0, height], stack[1, height] = low, high
                 height += 1
-                if code == CLOCK:
+                if code == op.CLOCK:
                     low, high = since, until
                 else:
-                    low = numbers[step] if code == CONSTANT else float(counts[operands[step]])
+                    low = numbers[step] if code == op.CONSTANT else float(counts[operands[step]])
                     high = low
-            elif code == TIMES:
+            elif code == op.TIMES:
                 factor = counts[operands[step]] - numbers[step]
-                low, high = range_of_two(MULTIPLY, low, high, factor, factor)
-            elif code == GUARD:
+                low, high = range_of_two(op.MULTIPLY, low, high, factor, factor)
+            elif code == op.GUARD:
                 if counts[operands[step]] < numbers[step]:
                     low = high = 0.0
                     break
-            elif code == SELECT:
+            elif code == op.SELECT:
                 height -= 2
                 if stack[0, height + 1] == 1.0:
                     low, high = stack[0, height], stack[1, height]
                 elif stack[1, height + 1] != 0.0:
                     low, high = min(low, stack[0, height]), max(high, stack[1, height])
-            elif code >= NEGATE:
-                if code < SELECT:
+            elif code >= op.NEGATE:
+                if code < op.SELECT:
                     low, high = range_of_one(code, low, high)
-                elif code == KEEP:
+                elif code == op.KEEP:
                     stack[0, -1 - operands[step]], stack[1, -1 - operands[step]] = low, high
                 else:
                     stack[0, height], stack[1, height] = low, high
                     height += 1
                     low, high = stack[0, -1 - operands[step]], stack[1, -1 - operands[step]]
-            elif code != REFUSE:  # which shows at a moment
+            elif code != op.REFUSE:  # which shows at a moment
                 height -= 1
                 low, high = range_of_two(code, stack[0, height], stack[1, height], low, high)
         lows[p], highs[p] = low, high

@@ -6,7 +6,7 @@ BiCGSTAB (van der Vorst 1992, doi:10.1137/0913035), with incomplete factors appl
 import numpy as np
 
 from kinetics.kernels.compiled import compiled
-from kinetics.kernels.incomplete import earned, occupied, occupy, solve
+from kinetics.kernels.incomplete import accumulated, occupied, occupy, solve
 
 
 @compiled
@@ -19,7 +19,7 @@ def correct(
     begins, middles, columns, shares, reduced : incomplete factors, see `incomplete.reduce`
     rates, exits : the equations; is_occupation : of x A, else of A x
     memory (4, n), numbers (3,) : what one call leaves for the next, so that each may be short; `done` rounds so far
-    Returns the number of rounds, at most `most`, and whether no more are needed; where the method breaks down, it
+    Returns the number of rounds, at most `most`, and whether no more are needed; if the method breaks down, it
     stops with what it has.
     """
     n = exits.size
@@ -49,7 +49,7 @@ def correct(
             occupied(begins, columns, rates, exits, far, moved)
         else:
             solve(begins, middles, columns, shares, reduced, far)
-            earned(begins, columns, rates, exits, far, moved)
+            accumulated(begins, columns, rates, exits, far, moved)
         product = 0.0
         for i in range(n):
             moved[i] *= shrinks[i]
@@ -67,7 +67,7 @@ def correct(
             occupied(begins, columns, rates, exits, near, bent)
         else:
             solve(begins, middles, columns, shares, reduced, near)
-            earned(begins, columns, rates, exits, near, bent)
+            accumulated(begins, columns, rates, exits, near, bent)
         product, square = 0.0, 0.0
         for i in range(n):
             bent[i] *= shrinks[i]

@@ -1,4 +1,4 @@
-"""What bounds an exact leap, and how its length is sought: plain Python, so that `auto` knows leaps without Numba."""
+"""Limits of an exact leap, and the search for its length; plain Python, so that `auto` needs no Numba."""
 
 import math
 

@@ -128,7 +128,7 @@ def work_for(n_channels, n_species):
 
 @compiled
 def propensity(laws, r, copies):
-    """Of channel r at counts `copies` (S + 1,) in doubles, the last one 1; it never falls where a count rises."""
+    """Propensity of channel r at counts `copies` (S + 1,) in doubles, the last one 1; it is monotone in each count."""
     value = laws.coefficients[r]
     for j in range(laws.factors.shape[1]):
         here = copies[laws.factors[r, j, 0]]
@@ -165,7 +165,7 @@ def set_box(laws, cells, length):
 
 @compiled
 def plan_leap(model, cells, length):
-    """Choose a leap from the counts: its length, and the events expected of it, 0 where there should be none.
+    """Choose a leap from the counts: its length, and the events expected of it, 0 if there should be none.
 
     length : that of the leap before, from which the search starts; the new box and its propensities are left in `cells`
     """

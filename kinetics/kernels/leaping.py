@@ -3,7 +3,7 @@
 While all counts stay in a box, the propensity of channel j lies between its values `low` and `high` at the corners.
 Candidate events come at rate `high`, each with a mark, uniform below `high`; a candidate happens if its mark is below
 the propensity at its time (thinning: Lewis & Shedler 1979, doi:10.1002/nav.3800260304). Those below `low` are sure,
-whatever the others do; the others are open. A leap draws how many there are of both, and no times. Where none are open
+whatever the others do; the others are open. A leap draws how many there are of both, and no times. If none are open
 and no order of the events leaves the box, their sum is the change. Elsewhere the leap is cut into halves, and the
 numbers with it; a half holds fewer events, so its box is smaller, and of its open events most are now sure or rejected.
 A cell of one event is decided. The first event that leaves the box of the leap ends it at its time, a stopping time,
@@ -12,7 +12,7 @@ and all that was drawn beyond is dropped.
 Every cell of this tree has random words of its own, keyed by the leap and the cell's place, so the tree can be followed
 to a time of the output, or to all events, without another word being drawn differently.
 
-Where a leap would hold few events, the direct method draws the next `STRETCH` of them.
+If a leap would hold few events, the direct method draws the next `STRETCH` of them.
 """
 
 import numpy as np
@@ -226,7 +226,7 @@ def go_on(model, work, grid, out, times, fired, most):
     """Go on with the run at hand until about so many events and cells were drawn, or to its next look between leaps.
 
     grid, out : see `clock.record`
-    times, fired : receive all events of this call; (most + STRETCH + 1,), or (0,) where nobody asks for them
+    times, fired : receive all events of this call; (most + STRETCH + 1,), or (0,) if none are asked for
 
     Returns the outcome, and how many events were kept.
     """

@@ -29,7 +29,7 @@ class LockstepWork(NamedTuple):
         event falls
     t, upcoming : the clock, and the next time of the grid
     words (4, LANES) uint64 : random streams
-    run, seen, needed int64 : the run in the lane by its place in the ensemble, -1 where there is none, the times of the
+    run, seen, needed int64 : the run in the lane by its place in the ensemble, -1 if there is none, the times of the
         grid that it has passed, and those that are needed of it
     begun, looks int64 : steps at which the run began, and at which it is to be looked at
     still, stood int64 : events in a row that did not move the clock, and the step of the last such

@@ -72,7 +72,7 @@ def absorb(begins, sources, shares, exits, vector, absorbed, alive, flows):
 def mix(rows, weights, vectors, mixed):
     """Add to mixed[rows[a]] the sum over b of weights[a, b] * vectors[b].
 
-    A matrix product in tiles that stay in the cache: BLAS would wake threads that cost more than they bring.
+    A matrix product in tiles that stay in the cache: BLAS would wake threads that cost more than they save.
     """
     tile = 64
     total = np.empty(tile)

@@ -26,7 +26,7 @@ class Members(NamedTuple):
 
 @compiled
 def start_naming(key, run, stream):
-    """The stream of a run that draws members; that of its events is as it would be if nobody asked for them."""
+    """Start the stream that attributes channels in a run; the stream of its events is the same without it."""
     start_stream(key ^ np.uint64(NAMING), run, stream)
 
 

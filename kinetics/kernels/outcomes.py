@@ -1,6 +1,6 @@
 """Outcome codes that kernels return for a run or a part of one."""
 
-REACHED_END = 0  # also where nothing can happen any more
+REACHED_END = 0  # also if nothing can happen any more
 UNFINISHED = 1  # all is well, but draws or buffers are used up: call again with fresh ones
 STALLED_CLOCK = 2  # `clock.MOST_STILL` events in a row did not move the clock
 OVERFLOW = 3  # a count beyond int64, or a propensity beyond double
@@ -17,5 +17,5 @@ CROWDED = 11  # too many delayed events wait
 
 # Given to a run between calls, see `sampling.watch`.
 MOST_EVENTS = 12  # it has made as many events as it may
-ENDLESS_RUN = 13  # it would come to more, by its rate equations
+ENDLESS_RUN = 13  # its rate equations forecast more events than allowed
 STOPPED = 14  # the condition holds at which it is to end

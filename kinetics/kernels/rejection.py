@@ -14,7 +14,7 @@ power of two, so no rounding ever builds up; and the cost does not grow with the
 the channel is found by a walk over partial propensities made afresh from the counts: nothing can go stale, drift, or
 dip below zero.
 
-The group of the next event is picked before this one renews anything: its lines come from memory meanwhile. Where a
+The group of the next event is picked before this one renews anything: its lines come from memory meanwhile. If a
 group then moves to another bin, it is picked again, from the same draw; else bins and total are those it was picked by.
 
 A step uses one of `waits` (unit exponentials) and one of `uniforms`; see `streams.draw`.
@@ -59,7 +59,7 @@ class RejectionModel(NamedTuple):
     channels (R,) CHANNEL : partner is 4 * species + kind. The partial propensity is coefficient * x[species], or
         coefficient * (x[species] - 1) for a like pair, or takes the factors. `event` is the word where its event begins
     factors (R, K, 3) int32 : see `sampling.mass_action`; the first factor is the owner's
-    words (n,) uint32 : of an event, the number of species that it changes and the end of its list, or 0 where the lists
+    words (n,) uint32 : of an event, the number of species that it changes and the end of its list, or 0 if the lists
         of these species are to be taken one after the other; of each species its number, and the lower and the upper
         half of the copies gained; then the list. Of a species, the end of its list, then the list. A list names the
         groups to renew: 2 * group, and 1 more where L must be renewed

@@ -1,4 +1,4 @@
-"""What is left of a chain's linear equations by a solution, in double-double arithmetic, about 104 bits.
+"""Residuals of a chain's linear equations, in double-double arithmetic, about 104 bits.
 
 Sums without error by Knuth, products by Dekker (1971, doi:10.1007/BF01397083), additions of pairs as in Joldes, Muller
 & Popescu (2017, doi:10.1145/3121432): each adds 2**-104 of its result at most. Products below 2**-969 lose digits.
@@ -45,7 +45,7 @@ def added(high, low, more_high, more_low):
 
 
 @compiled
-def earned(rows, columns, rates, leaving, high, low, left, sizes):
+def accumulated(rows, columns, rates, leaving, high, low, left, sizes):
     """Take A x from what is `left` (n, 2), where (A x)_i = leaving_i x_i + sum over j of rates_ij (x_i - x_j).
 
     x : pairs, `high` (n,) and `low` (n,); sizes : (n,) grow by the summed sizes of all terms
@@ -64,7 +64,7 @@ def earned(rows, columns, rates, leaving, high, low, left, sizes):
 
 @compiled
 def occupied(rows, columns, rates, leaving, high, low, left, sizes):
-    """Take x A from what is `left` (n, 2): what leaves each state less what comes to it; otherwise as `earned`."""
+    """Take x A from what is `left` (n, 2): what leaves each state less what comes to it; otherwise as `accumulated`."""
     for i in range(leaving.size):
         a, b = scaled(leaving[i], high[i], low[i])
         left[i, 0], left[i, 1] = added(left[i, 0], left[i, 1], -a, -b)

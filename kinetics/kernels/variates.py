@@ -60,7 +60,7 @@ def poisson(mean, stream):
 
 @compiled
 def binomial(n, p, stream):
-    """How many of n happen, each with probability p."""
+    """A binomial variate: how many of n happen, each with probability p."""
     if n <= 0 or not p > 0.0:
         return 0
     if p >= 1.0:
@@ -72,7 +72,7 @@ def binomial(n, p, stream):
 
 @compiled
 def halved(n, stream):
-    """How many of n fall into the first of two halves; of few, by counting bits."""
+    """A binomial variate of n with probability 1/2; for small n, by counting bits."""
     if n > 64 * WORDS_AT_MOST:
         return at_most_half(n, 0.5, stream)
     found = 0
@@ -94,7 +94,7 @@ def ones_of(word):
 
 @compiled
 def small_poisson(mean, stream):
-    """By inversion, from 0 upwards; again where rounding leaves the draw beyond all numbers."""
+    """A variate by inversion from 0 upwards, drawn again if rounding leaves the draw beyond all numbers."""
     while True:
         left, k, part = draw_uniform(stream), 0, math.exp(-mean)
         while left >= part > 0.0:
@@ -135,7 +135,7 @@ def at_most_half(n, p, stream):
 
 @compiled
 def small_binomial(n, p, stream):
-    """By inversion, from 0 upwards."""
+    """A variate by inversion from 0 upwards."""
     while True:
         left, k, part = draw_uniform(stream), 0, math.exp(n * math.log1p(-p))
         while left >= part > 0.0 and k < n:

@@ -7,45 +7,20 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from kinetics.markov.chain import Chain
-    from kinetics.markov.chain_distribution import ChainDistribution
-    from kinetics.markov.checks import Reward
-    from kinetics.markov.explicit_files import read_explicit, write_explicit
-    from kinetics.markov.network_questions import committor, first_passage, stationary
-    from kinetics.markov.paths import ChainPath, chain_path, chain_path_to
-    from kinetics.markov.prism_model import prism_text
-    from kinetics.markov.questions import ask
-    from kinetics.markov.sensitivity import Sensitivity, passage_sensitivity, sensitivity_to
+    from kinetics.markov.chain import Chain as Chain
+    from kinetics.markov.chain_distribution import ChainDistribution as ChainDistribution
+    from kinetics.markov.checks import Reward as Reward
+    from kinetics.markov.explicit_files import read_explicit as read_explicit
+    from kinetics.markov.explicit_files import write_explicit as write_explicit
+    from kinetics.markov.network_questions import committor as committor
+    from kinetics.markov.network_questions import first_passage as first_passage
+    from kinetics.markov.network_questions import stationary as stationary
+    from kinetics.markov.paths import ChainPath as ChainPath
+    from kinetics.markov.paths import chain_path as chain_path
+    from kinetics.markov.paths import chain_path_to as chain_path_to
+    from kinetics.markov.prism_model import prism_text as prism_text
+    from kinetics.markov.questions import ask as ask
+    from kinetics.markov.sensitivity import Sensitivity as Sensitivity
+    from kinetics.markov.sensitivity import sensitivity_to as sensitivity_to
 
-_HOMES = {
-    "kinetics.markov.chain": ("Chain",),
-    "kinetics.markov.chain_distribution": ("ChainDistribution",),
-    "kinetics.markov.checks": ("Reward",),
-    "kinetics.markov.explicit_files": ("read_explicit", "write_explicit"),
-    "kinetics.markov.network_questions": ("committor", "first_passage", "stationary"),
-    "kinetics.markov.paths": ("ChainPath", "chain_path", "chain_path_to"),
-    "kinetics.markov.prism_model": ("prism_text",),
-    "kinetics.markov.questions": ("ask",),
-    "kinetics.markov.sensitivity": ("Sensitivity", "passage_sensitivity", "sensitivity_to"),
-}
-
-__all__ = [
-    "Chain",
-    "ChainDistribution",
-    "ChainPath",
-    "Reward",
-    "Sensitivity",
-    "ask",
-    "chain_path",
-    "chain_path_to",
-    "committor",
-    "first_passage",
-    "passage_sensitivity",
-    "prism_text",
-    "read_explicit",
-    "sensitivity_to",
-    "stationary",
-    "write_explicit",
-]
-
-__getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__)

@@ -39,7 +39,7 @@ EQUATIONS = "linear equations"
 class Chain:
     """A Markov chain on N states in continuous time.
 
-    transitions : (N, N) sparse or dense, 1/tu: rates from row to column off the diagonal, exact as given; where the
+    transitions : (N, N) sparse or dense, 1/tu: rates from row to column off the diagonal, exact as given; if the
         diagonal holds anything, rows must sum to zero. Also `Transitions`, which the chain has in any case
     initial : (N,) probabilities at time 0, or the number of one state
     labels : name -> truths (N,), or a condition as text
@@ -96,7 +96,7 @@ class Chain:
         >>> births = Network.from_text("0 <-> A, 5, 1")
         >>> chain = Chain.of(births, {"A": 0}, truncate="A < 40", labels={"many": "A >= 12"})
         >>> answer = chain.until("many", by=10.0)
-        >>> round(answer.value, 6), answer.high - answer.low < 1e-9  # the states beyond 39 hardly count
+        >>> round(answer.value, 6), answer.high - answer.low < 1e-9  # the states beyond 39 are negligible
         (0.155954, True)
         """
         given = Model.of(model, initial)
@@ -122,7 +122,7 @@ class Chain:
         return built_in(self.transitions, self.initial, self.truncated)
 
     def check_complete(self, question: str) -> None:
-        """A ValueError where the chain is truncated."""
+        """A ValueError if the chain is truncated."""
         if self.truncated.any():
             raise ValueError(
                 f"{question} needs the whole state space, and this chain is truncated: enumerate all states, or ask "

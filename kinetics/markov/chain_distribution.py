@@ -39,7 +39,7 @@ class ChainDistribution(Shown):
 
     @property
     def headline(self) -> str:
-        """How much it holds, and how it was found."""
+        """One line: the numbers of states and times, the method and the CPU time."""
         n_times, n_states = self.probabilities.shape
         return (
             f"probabilities of {n_states} states at {n_times} times; method {self.method}; {self.cpu_seconds:.2g} s CPU"

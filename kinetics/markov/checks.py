@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.markov.transient import Transitions
 from kinetics.network.predicates import DEADLOCK, INIT, StateNames
 from kinetics.support.arrays import Floats, integers, read_only, real_number, reals, whole_number
+from kinetics.support.packages import sparse
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -29,7 +30,7 @@ class Reward:
 
     None is negative; either may be None, for nothing.
 
-    most : largest rate at which it accumulates where the chain is truncated, impulses included; None where nobody knows
+    most : largest rate at which it accumulates where the chain is truncated, impulses included; None if unknown
     error : relative, of `rates` and `impulses`
 
     >>> from kinetics import Chain, Reward
@@ -46,7 +47,7 @@ class Reward:
 
 
 def checked_parts(given: Mapping[str, Any]) -> dict[str, Any]:
-    """The parts of a `Chain` by name, as arrays that belong together; a ValueError where they do not.
+    """The parts of a `Chain` by name, as arrays that belong together; a ValueError if they do not.
 
     Conditions of labels may name variables, that of the truncated states labels too, and formulas of rewards both.
     """
@@ -106,17 +107,15 @@ def _transitions_of(generator: Any) -> Transitions:
 
 
 def checked_rates(generator: Any) -> csr_array:
-    """The rates off the diagonal (N, N) of a generator, or as they are; a ValueError where they are none.
+    """The rates off the diagonal (N, N) of a generator, or as they are; a ValueError if they are none.
 
     It is taken for a generator where its diagonal holds anything: its rows must then sum to zero.
     """
-    from scipy.sparse import coo_array, issparse
-
     matrix = square("generator", generator)
     diagonal = matrix.diagonal()
     rates = _off_diagonal(matrix)
-    is_sparse = issparse(generator)
-    entries: Any = coo_array(generator) if is_sparse else rates.tocoo()  # each on its own
+    is_sparse = sparse.issparse(generator)
+    entries: Any = sparse.coo_array(generator) if is_sparse else rates.tocoo()  # each on its own
     least = np.where(entries.row == entries.col, 0.0, entries.data)
     if least.min(initial=0.0) < 0:
         at = int(np.argmin(least))
@@ -145,13 +144,11 @@ def checked_rates(generator: Any) -> csr_array:
 
 def square(name: str, given: Any, n: int | None = None) -> csr_array:
     """A sparse or dense matrix (n, n) of finite numbers, as a csr_array without zeros and duplicates."""
-    from scipy.sparse import csr_array, issparse
-
-    if not issparse(given):
+    if not sparse.issparse(given):
         given = reals(name, given, (None, None))
     if np.iscomplexobj(given):
         raise ValueError(f"{name} holds complex numbers; expected real ones")
-    matrix = csr_array(given, dtype=np.float64, copy=True)
+    matrix = sparse.csr_array(given, dtype=np.float64, copy=True)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or n not in (None, matrix.shape[0]):
         wanted = "a square" if n is None else f"({n}, {n})"
         raise ValueError(f"{name} has shape {matrix.shape}; expected {wanted}")
@@ -188,7 +185,7 @@ def checked_mask(name: str, given: Any, n: int) -> NDArray[np.bool_]:
 
 
 def checked_names(names: Mapping[str, Any], what: str, taken: Mapping[str, Any]) -> None:
-    """A ValueError where a name is no text, empty, or that of a variable."""
+    """A ValueError if a name is no text, empty, or that of a variable."""
     for name in names:
         if not isinstance(name, str) or not name or '"' in name:
             raise ValueError(f"{name!r} is no name of a {what}; expected text without quotes")
@@ -219,8 +216,7 @@ def checked_reward(name: str, given: Reward, n: int) -> Reward:
 
 
 def _off_diagonal(matrix: csr_array) -> csr_array:
-    from scipy.sparse import csr_array
 
     entries = matrix.tocoo()
     off = entries.row != entries.col
-    return csr_array((entries.data[off], (entries.row[off], entries.col[off])), shape=matrix.shape)
+    return sparse.csr_array((entries.data[off], (entries.row[off], entries.col[off])), shape=matrix.shape)

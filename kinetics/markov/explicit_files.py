@@ -29,6 +29,7 @@ from kinetics.support.arrays import Floats
 from kinetics.support.limits import check_names, text_in
 from kinetics.support.memory import check_memory
 from kinetics.support.output import scratch_folder, write_together
+from kinetics.support.packages import sparse
 
 REWARD_NAME = re.compile(r'#\s*Reward structure\s+"([^"]+)"')
 Parsed = TypeVar("Parsed")
@@ -127,7 +128,7 @@ def write_explicit(chain: Chain, path: str | Path) -> None:
 
 
 def _check_written(chain: Chain, file: Path, contents: Mapping[Path, str]) -> None:
-    """A ValueError where these files, read back, are another chain; names may be spelled otherwise."""
+    """A ValueError if these files, read back, are another chain; names may be spelled otherwise."""
     with scratch_folder({path.name: text for path, text in contents.items()}) as folder:
         try:
             again = read_explicit(folder / file.name)
@@ -188,9 +189,8 @@ def _text(lines: list[str]) -> str:
 
 
 def _sparse(rows: NDArray[Any], columns: NDArray[Any], values: Floats, n: int) -> Any:
-    from scipy.sparse import csr_array
 
-    return csr_array((values, (rows, columns)), shape=(n, n))
+    return sparse.csr_array((values, (rows, columns)), shape=(n, n))
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:

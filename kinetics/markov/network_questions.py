@@ -56,7 +56,7 @@ def first_passage(
     ValueError: unknown species, missing rates, too many states, or a target so remote that it cannot be solved for
 
     Mean and variance come from linear equations on the states before the target (Norris 1997, Markov Chains, ch. 3,
-    doi:10.1017/CBO9780511810633), the distribution from uniformisation when it is first used. Where the chain may miss
+    doi:10.1017/CBO9780511810633), the distribution from uniformisation when it is first used. If the chain may miss
     the target for good, the mean is inf and `probability` below 1. Cost: some tens of passes over the rates, or where
     that does not converge the number of states times the square of the band's width; for the distribution one step per
     uniformised event. Choose it where the states can be listed; sample otherwise.
@@ -106,9 +106,9 @@ def stationary(model: Model | Network, initial: Counts | None = None, max_states
     max_states : networks with more reachable states, or infinitely many, are refused
     ValueError: missing rates, too many states, or a spread beyond sparse factors with a band too wide to eliminate
 
-    Each closed class is solved by iteration, as time between visits to a likely state; where it is small or narrow, or
+    Each closed class is solved by iteration, as time between visits to a likely state; if it is small or narrow, or
     that proves no error, by elimination without subtractions (Grassmann, Taksar & Heyman 1985,
-    doi:10.1287/opre.33.5.1107) or sparse factors. Where the chain may end up in several, they are weighted by the
+    doi:10.1287/opre.33.5.1107) or sparse factors. If the chain may end up in several, they are weighted by the
     probability of ending up in each. Cost: some tens of passes over the rates, else of the factors, or the number of
     states times the square of the band's width.
 

@@ -90,7 +90,7 @@ def prism_text(model: Model, most: Ints) -> str:
 
 
 def _check_identifiers(text: str) -> None:
-    """A ValueError where the lines of a model hold other names than those they declare, or none that PRISM takes."""
+    """A ValueError if the lines of a model hold other names than those they declare, or none that PRISM takes."""
     lines = [line for line in text.splitlines() if not line.startswith("  //")]
     declared = [found[1] for line in lines if (found := VARIABLE.fullmatch(line))]
     rewarded = [found[1] for line in lines if (found := re.fullmatch(r'rewards "(.*)"', line))]
@@ -107,7 +107,7 @@ def _check_identifiers(text: str) -> None:
 
 
 def _command(network: Network, channel: int, names: Mapping[str, str]) -> str:
-    """A channel as a command; empty where it never fires or changes nothing."""
+    """A channel as a command; empty if it never fires or changes nothing."""
     species = [names[name] for name in network.species]
     rate = float(network.known_rates[channel] * 1.0)
     changed, gains = (part.tolist() for part in network.sparse_stoichiometry.row(channel))
@@ -118,7 +118,7 @@ def _command(network: Network, channel: int, names: Mapping[str, str]) -> str:
     title = network.channels[channel]
     law = network.laws.get(title)
     if law is not None and network.at_zero != "block":
-        reactants = []  # the law is 0 where they are missing
+        reactants = []  # the law is 0 if they are missing
     factors = [repr(rate), repr(float(network.ways[channel]))]
     factors += [_value(law, names)] if law else [_ways(*each, network.combinations) for each in reactants]
     guard = " & ".join(f"{name} >= {taken}" for name, taken in reactants) or "true"
@@ -138,7 +138,7 @@ def _ways(name: str, taken: int, combinations: str) -> str:
 
 
 def _value(law: Expression, names: Mapping[str, str]) -> str:
-    """A rate law as a number in PRISM's language; a ValueError where it cannot be said, or only at great length."""
+    """A rate law as a number in PRISM's language; a ValueError if it cannot be said, or only at great length."""
     found: list[tuple[str, str]] = []  # each node as a number, and as true or false
     for code, parts, value in law.formula:
         inner = [found[part] for part in parts]

@@ -42,7 +42,7 @@ def truncation_bounds(
     """Mean of a reward at `rates` (N,), where `mean` answers for any values (N,).
 
     In truncated states (N,) it is 0 at least, and at most the larger of `most` and the largest rate of other states;
-    None: nobody knows.
+    None: unknown.
     """
     known = mean(np.where(truncated, 0.0, rates))
     if not truncated.any():

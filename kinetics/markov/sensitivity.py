@@ -176,7 +176,7 @@ class Sensitivity:
         return self._derivatives(gradient, cdf.method, time.process_time() - began)
 
     def _density(self, goal: Mask, at: float) -> Density:
-        """Of the time to a target, at a time, tu."""
+        """The density of the time to a target at a time, tu, with bounds on its change nearby."""
         chain = self._chain.transitions.stopped(goal)
         hits = goal[chain.columns]
         into = totals(chain.rows[hits], chain.rates[hits], goal.size)
@@ -203,7 +203,7 @@ class Sensitivity:
         given = reward_asked(self._chain, name, at, up_to, until, stationary)
         if given.error:
             found = self._of_reward(given, at, up_to, until)
-            return replace(found, is_bound=False)  # how a rounded reward weighs in differences, nobody knows
+            return replace(found, is_bound=False)  # the effect of rounding in a reward on differences has no bound
         return self._of_reward(given, at, up_to, until)
 
     def _of_reward(self, given: Reward, at: float | None, up_to: float | None, until: Target | None) -> Derivatives:
@@ -274,7 +274,7 @@ class Sensitivity:
         stops: Mask | None = None,
         start: Floats | None = None,
     ) -> list[Derivatives]:
-        """Of means at a time, of the chain that is stopped, from another start (N,) if one is given."""
+        """Gradients of means at a time, of the stopped chain, from another start (N,) if one is given."""
         end, entries, space = one_time("time", at), self._entries, self._chain.space
         start = self._start if start is None else start
         if stops is not None:
@@ -304,7 +304,7 @@ class Sensitivity:
         return [self._derivatives(each, method, seconds) for each in found]
 
     def _derivatives(self, found: Gradient, method: str, seconds: float) -> Derivatives:
-        """By parameters, with the bounds of each."""
+        """A gradient by channels as derivatives by parameters, with bounds."""
         answer, value, wide, is_bound = found
         low, high = value - wide, value + wide
         return Derivatives(self._names, answer, value, low, high, is_bound, self._constants, method, seconds)
@@ -331,24 +331,6 @@ def sensitivity_to(
     """
     chain, goal = chain_to(model, initial, species, copies)
     return Sensitivity(chain), goal
-
-
-def passage_sensitivity(
-    model: Model | Network, initial: Counts | None, species: Counted, copies: int = 1, certain: bool = True
-) -> Derivatives:
-    """Derivatives of the mean first-passage time to copies of a species, or of the probability of ever reaching them.
-
-    certain : whether it is the mean, which a target that may be missed does not have
-    ValueError: unknown species, missing rates, too many states, or a mean that is infinite
-
-    >>> from kinetics import Network
-    >>> from kinetics.markov import passage_sensitivity
-    >>> gradient = passage_sensitivity(Network.from_text("make: A -> B, 2"), {"A": 1}, "B")
-    >>> gradient.parameters, round(gradient.answer.value, 9), gradient.elasticity.round(9).tolist()
-    (('make',), 0.5, [-1.0])
-    """
-    asked, goal = sensitivity_to(model, initial, species, copies)
-    return asked.passage(goal) if certain else asked.until(goal)
 
 
 def _probability(found: Derivatives) -> Derivatives:

@@ -2,7 +2,7 @@
 
 Whether a target is reached through given states is settled in the target, and outside these states; a reward
 until a target, in the target. A chain that stops there has the same answer and fewer states, perhaps finitely many
-where the network has no end.
+if the network is infinite.
 """
 
 from __future__ import annotations
@@ -42,7 +42,6 @@ def answering_chains(
     >>> [(len(chain), places) for chain, places in answering_chains(questions, growth, max_states=100)]
     [(3, [0]), (6, [1])]
     """
-
     # Where a chain starts and cannot go on is known of the whole chain: a state in which it was stopped has no way out.
     whole = [name for name in (INIT, DEADLOCK) if name not in (*model.network.species, *model.observables)]
 

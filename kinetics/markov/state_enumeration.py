@@ -78,7 +78,7 @@ def _nearest(
 
 
 def held(condition: Condition, network: Network, states: Ints) -> Mask:
-    """In which states (n, S) of a network a condition holds (n,)."""
+    """True (n,) for the states (n, S) of a network in which a condition holds."""
     if callable(condition):
         found = np.asarray(condition(states), dtype=bool)
         if found.shape != (len(states),):

@@ -33,7 +33,7 @@ def stopped_in(space: StateSpace | None, stops: NDArray[np.bool_]) -> StateSpace
 
 
 def steps_to(transitions: Transitions, start: Floats, values: Floats, end: float, enough: float = 0.0) -> float:
-    """Steps of a pass backwards until a time, tu; only where they are more than `enough`, of the states that matter."""
+    """Steps of a pass backwards until a time, tu; only if they are more than `enough`, of the states that matter."""
     steps = steps_until(transitions, end)
     return steps if steps <= enough else steps_until(that_matter(transitions, start, values)[0], end)
 

@@ -35,7 +35,7 @@ VOID = (
         "mix",
         "absorb",
         "retreat",
-        "earned",
+        "accumulated",
         "occupied",
         "corrected",
     ),

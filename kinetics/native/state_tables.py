@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.native.library import (
     HashedStates,
     SearchProgress,
@@ -39,17 +40,14 @@ def tabulate(keys: Words, n: int, size: int) -> Ints:
         slots = np.empty(size, np.int64)
         call("tabulate", keys, n, slots, size)
         return slots
-    from kinetics.kernels import exploration
 
-    return np.asarray(exploration.tabulate(keys, n, size))
+    return np.asarray(kernels.exploration.tabulate(keys, n, size))
 
 
 def find(asked: Ints, asked_keys: Words, table: Table) -> Ints:
     """Rows (n,) of the states asked for; -1 where there is none: `exploration.find`."""
     if not is_built():
-        from kinetics.kernels import exploration
-
-        return np.asarray(exploration.find(asked, asked_keys, *table))
+        return np.asarray(kernels.exploration.find(asked, asked_keys, *table))
     rows = np.empty(len(asked), np.int64)
     space = _space(table)
     call("find", given(asked, np.int64), given(asked_keys, np.uint64), len(asked), space, rows)
@@ -60,9 +58,7 @@ def insert(new: Ints, new_keys: Words, table: Table, n: int, rows: Ints) -> int:
     """Add to the first n states those that are new, for which there is room; how many there are then:
     `exploration.insert`."""
     if not is_built():
-        from kinetics.kernels import exploration
-
-        return int(exploration.insert(new, new_keys, *table, n, rows))
+        return int(kernels.exploration.insert(new, new_keys, *table, n, rows))
     space = _space(table)
     return int(call("insert", given(new, np.int64), given(new_keys, np.uint64), len(new), space, n, rows))
 
@@ -73,9 +69,9 @@ def explore(
 ) -> tuple[Table, int, int, int, int, Ints]:  # fmt: skip
     """Add to the first n states all to which those from `begin` on lead: `exploration.explore`."""
     if not is_built():
-        from kinetics.kernels import exploration
-
-        found = exploration.explore(*channels, *table, n, begin, end, level_end, is_stopped, judged, verdicts, most)
+        found = kernels.exploration.explore(
+            *channels, *table, n, begin, end, level_end, is_stopped, judged, verdicts, most
+        )
         return found[:3], *found[3:]
     wants, does = (filled(SparseRows, *each) for each in channels[:2])
     key_changes = channels[2]
@@ -113,9 +109,7 @@ def slots_for(n: int) -> int:
 def neighbours(begin: int, propensities: Floats, changes: Entries, key_changes: Words, table: Table) -> Ints:
     """Row (n, R) to which each channel leads from the states begin, begin + 1, ...: `exploration.neighbours`."""
     if not is_built():
-        from kinetics.kernels import exploration
-
-        return np.asarray(exploration.neighbours(begin, propensities, changes, key_changes, *table))
+        return np.asarray(kernels.exploration.neighbours(begin, propensities, changes, key_changes, *table))
     n, n_channels = propensities.shape
     ends = np.empty((n, n_channels), np.int64)
     space = _space(table)

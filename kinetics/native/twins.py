@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.kernels.ensemble_work import EnsembleWork, Stop
 from kinetics.native.lanes import Lanes
 from kinetics.native.library import (
@@ -43,9 +44,7 @@ def direct(
     `direct.ensemble`."""
     stop, reached = stopping
     if not is_built() or _has_program(stop):
-        from kinetics.kernels.direct import ensemble
-
-        return lambda limits, most: ensemble(
+        return lambda limits, most: kernels.direct.ensemble(
             model, changes, work, initial, grid, key, first_run, limits, out, most, stop, reached
         )
     chain, times, table = _model(model, changes), given(grid, float), _table(stop)
@@ -61,10 +60,8 @@ def lockstep(
     `lockstep.lockstep`."""
     stop, reached = stopping
     if not is_built() or _has_program(stop):
-        from kinetics.kernels import lockstep as twin
-
-        work = twin.LockstepWork(**lanes.arrays)
-        return lambda limits, most: twin.lockstep(
+        work = kernels.lockstep.LockstepWork(**lanes.arrays)
+        return lambda limits, most: kernels.lockstep.lockstep(
             model, changes, work, initial, grid, key, first_run, limits, out, is_odd, most, stop, reached
         )
     chain, times, table = _model(model, changes), given(grid, float), _table(stop)
@@ -116,9 +113,7 @@ def events(
 ) -> tuple[int, int]:  # fmt: skip
     """Run one trajectory on until `end`, or until the buffers of events are full: `direct.advance`."""
     if not is_built() or _has_program(stop):
-        from kinetics.kernels.direct import advance as twin
-
-        outcome, n = twin(model, changes, counts, clock, end, stream, times, fired, stop)
+        outcome, n = kernels.direct.advance(model, changes, counts, clock, end, stream, times, fired, stop)
         return outcome, n
     last, n_events = np.array([end], dtype=float), np.zeros(1, np.int64)
     outcome = call(
@@ -132,9 +127,8 @@ def extend_range(counts: Ints, low: Ints, high: Ints) -> None:
     if is_built():
         call("extend_range", counts, len(counts), low.size, low, high)
         return
-    from kinetics.kernels import statistics
 
-    statistics.extend_range(counts, low, high)
+    kernels.statistics.extend_range(counts, low, high)
 
 
 def fit_bins(low: Ints, high: Ints, n_bins: int, shift: Ints, origin: Ints) -> None:
@@ -142,9 +136,8 @@ def fit_bins(low: Ints, high: Ints, n_bins: int, shift: Ints, origin: Ints) -> N
     if is_built():
         call("fit_bins", low, high, low.size, n_bins, shift, origin)
         return
-    from kinetics.kernels import statistics
 
-    statistics.fit_bins(low, high, n_bins, shift, origin)
+    kernels.statistics.fit_bins(low, high, n_bins, shift, origin)
 
 
 def rebin(histogram: Ints, shift: Ints, origin: Ints, new_shift: Ints, new_origin: Ints) -> None:
@@ -154,9 +147,8 @@ def rebin(histogram: Ints, shift: Ints, origin: Ints, new_shift: Ints, new_origi
         row = np.empty(n_bins, np.int64)
         call("rebin", histogram, shift.size, n_bins, shift, origin, new_shift, new_origin, row)
         return
-    from kinetics.kernels import statistics
 
-    statistics.rebin(histogram, shift, origin, new_shift, new_origin)
+    kernels.statistics.rebin(histogram, shift, origin, new_shift, new_origin)
 
 
 def tally(counts: Ints, shift: Ints, origin: Ints, histogram: Ints) -> None:
@@ -164,9 +156,8 @@ def tally(counts: Ints, shift: Ints, origin: Ints, histogram: Ints) -> None:
     if is_built():
         call("tally", counts, len(counts), shift.size, histogram.shape[2], shift, origin, histogram)
         return
-    from kinetics.kernels import statistics
 
-    statistics.tally(counts, shift, origin, histogram)
+    kernels.statistics.tally(counts, shift, origin, histogram)
 
 
 def add_products(counts: Ints, reference: Ints, first: Ints, second: Ints, sums: Ints, products: Ints) -> None:
@@ -179,12 +170,11 @@ def add_products(counts: Ints, reference: Ints, first: Ints, second: Ints, sums:
             sums, products, off,
         )  # fmt: skip
         return
-    from kinetics.kernels import statistics
 
     if np.array_equal(first, second):
-        statistics.add_squares(counts, reference, sums, products)
+        kernels.statistics.add_squares(counts, reference, sums, products)
     else:
-        statistics.add_products(counts, reference, first, second, sums, products)
+        kernels.statistics.add_products(counts, reference, first, second, sums, products)
 
 
 def advance(
@@ -198,9 +188,8 @@ def advance(
         if moves is not None:
             call("advance", moves, some, out, out.size)
             continue
-        from kinetics.kernels import markov
 
-        markov.advance(begins, sources, shares, exits, some, out)
+        kernels.markov.advance(begins, sources, shares, exits, some, out)
 
 
 def mix(rows: Ints, weights: Floats, vectors: Floats, mixed: Floats) -> None:
@@ -211,9 +200,8 @@ def mix(rows: Ints, weights: Floats, vectors: Floats, mixed: Floats) -> None:
             some, by = places[part], factors[part]
             call("mix", some, by, some.size, by.shape[1], vectors, vectors.shape[1], mixed)
             continue
-        from kinetics.kernels import markov
 
-        markov.mix(places[part], factors[part], vectors, mixed)
+        kernels.markov.mix(places[part], factors[part], vectors, mixed)
 
 
 def absorb(
@@ -227,9 +215,8 @@ def absorb(
             out = absorbed[part], alive[part], flows[part]
             call("absorb", moves, vector, np.empty_like(vector), *out, out[0].size)
             continue
-        from kinetics.kernels import markov
 
-        markov.absorb(begins, sources, shares, exits, vector, absorbed[part], alive[part], flows[part])
+        kernels.markov.absorb(begins, sources, shares, exits, vector, absorbed[part], alive[part], flows[part])
 
 
 def backward_moves(begins: NDArray[np.uint32], targets: NDArray[np.uint32], shares: Floats, stays: Floats) -> Any:
@@ -248,9 +235,8 @@ def retreat(moves: Any, starts: Ints, chances: Floats, now: Floats, before: Floa
         if is_native:
             call("retreat", moves, first, weights, first.size, now, before, out, out.size)
             continue
-        from kinetics.kernels import markov
 
-        markov.retreat(*moves, first, weights, now, before, out)
+        kernels.markov.retreat(*moves, first, weights, now, before, out)
 
 
 def reduce(band: Floats, leaving: Floats, exits: Floats) -> int:
@@ -261,20 +247,18 @@ def reduce(band: Floats, leaving: Floats, exits: Floats) -> int:
         if is_built():
             changes += call("reduce_band", band, leaving, exits, begin, end, width)
             continue
-        from kinetics.kernels import elimination
 
-        changes += elimination.reduce(band, leaving, exits, begin, end)
+        changes += kernels.elimination.reduce(band, leaving, exits, begin, end)
     return changes
 
 
 def solve(band: Floats, exits: Floats, x: Floats) -> None:
-    """What is earned on the way out: `elimination.solve`."""
+    """Reward accumulated until exit: `elimination.solve`."""
     if is_built():
         _divided(call("solve_band", band, exits, x, exits.size, band.shape[1] // 2))
         return
-    from kinetics.kernels import elimination
 
-    elimination.solve(band, exits, x)
+    kernels.elimination.solve(band, exits, x)
 
 
 def occupy(band: Floats, exits: Floats, x: Floats) -> None:
@@ -282,9 +266,8 @@ def occupy(band: Floats, exits: Floats, x: Floats) -> None:
     if is_built():
         _divided(call("occupy_band", band, exits, x, exits.size, band.shape[1] // 2))
         return
-    from kinetics.kernels import elimination
 
-    elimination.occupy(band, exits, x)
+    kernels.elimination.occupy(band, exits, x)
 
 
 def _divided(is_done: int) -> None:
@@ -297,25 +280,25 @@ def reach(begins: Ints, ends: Ints, queue: Ints, n_queued: int, is_found: NDArra
     if is_built():
         call("reach", begins, ends, queue, n_queued, is_found)
         return
-    from kinetics.kernels import exploration
 
-    exploration.reach(begins, ends, queue, n_queued, is_found)
+    kernels.exploration.reach(begins, ends, queue, n_queued, is_found)
 
 
 def take_off(
     is_occupation: bool, rows: Ints, columns: Ints, rates: Floats, leaving: Floats, high: Floats, low: Floats,
     left: Floats, sizes: Floats,
 ) -> None:  # fmt: skip
-    """Take a chain's equations, times a solution in pairs, from what is left: `residuals.occupied`, or `earned`."""
+    """Take a chain's equations at a solution in pairs off the residual: `residuals.occupied`, or `accumulated`."""
     if is_built():
         from_, to = given(rows, np.int64), given(columns, np.int64)
         ways, out = given(rates, float), given(leaving, float)
-        name = "occupied" if is_occupation else "earned"
+        name = "occupied" if is_occupation else "accumulated"
         call(name, from_, to, ways, ways.size, out, out.size, high, low, left, sizes)
         return
-    from kinetics.kernels import residuals
 
-    (residuals.occupied if is_occupation else residuals.earned)(rows, columns, rates, leaving, high, low, left, sizes)
+    (kernels.residuals.occupied if is_occupation else kernels.residuals.accumulated)(
+        rows, columns, rates, leaving, high, low, left, sizes
+    )
 
 
 def corrected(high: Floats, low: Floats, change: Floats) -> None:
@@ -323,6 +306,5 @@ def corrected(high: Floats, low: Floats, change: Floats) -> None:
     if is_built():
         call("corrected", high, low, given(change, float), high.size)
         return
-    from kinetics.kernels import residuals
 
-    residuals.corrected(high, low, change)
+    kernels.residuals.corrected(high, low, change)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -24,8 +25,6 @@ def fingerprint(
     at_zero: str,
 ) -> str:
     """SHA-256 of a network without its rates; laws, events and `at_zero` count only if there are any."""
-    import hashlib
-
     is_small = len(channels) * len(species) <= MAX_DENSE
     entries = [table.dense().tolist() if is_small else [table.keys.tolist(), table.copies.tolist()] for table in tables]
     content: list[Any] = [species, channels, *entries]

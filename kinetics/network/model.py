@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
@@ -12,6 +13,7 @@ import numpy as np
 from kinetics.network.checks import nearest, some_names
 from kinetics.network.laws.on_demand import is_formula
 from kinetics.network.network import Network
+from kinetics.network.tank import Tank
 from kinetics.support.arrays import Counts, Ints
 from kinetics.support.frozen import set_fields
 
@@ -26,6 +28,7 @@ class Model:
     initial : counts (S,) at time 0, or by name; by default those that the network states, and 0 of all else
     observables : name -> weight of each species in the sum
     notes : remarks on how a file was read, and on contents that the network does not hold
+    tank : where it happens; None for the tank in which its rates were measured, or if it has none
     formulas : name in a file -> what it stands for, as text: a formula over the species' amounts in the file's units
     ValueError: an unknown species, or a count that is no whole number of at least 0
 
@@ -41,6 +44,7 @@ class Model:
     observables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     formulas: Mapping[str, str] = field(default_factory=dict)
+    tank: Tank | None = None
 
     def __post_init__(self) -> None:
         counts: Counts = self.network.initial if self.initial is None else self.initial
@@ -161,8 +165,6 @@ class Model:
     @property
     def digest(self) -> str:
         """SHA-256 of all that decides what the model does."""
-        import hashlib
-
         network = self.network
         content = [
             network.fingerprint,

@@ -29,9 +29,11 @@ from kinetics.network.fingerprint import fingerprint
 from kinetics.network.laws.on_demand import channel_laws, checked_events, checked_laws, split_rates
 from kinetics.network.parameters import Parameters
 from kinetics.network.propensity import AT_ZERO, COMBINATIONS, mass_action
+from kinetics.network.reaction_text import read_reactions
 from kinetics.network.reactions import Reaction, reaction_tables
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints, integers, reals
+from kinetics.support.frozen import set_fields
 from kinetics.support.shown import ResultTable, Shown
 from kinetics.support.tables import counted
 
@@ -44,7 +46,7 @@ if TYPE_CHECKING:
 SAMPLE_IT = "sample it, by `simulate`, or by the commands `wellmixed predict` (method auto) and `wellmixed scan`"
 
 
-@dataclass(frozen=True, eq=False, repr=False, init=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Network(Shown):
     """A reaction network: species, the channels through which they react, and their rate constants if known.
 
@@ -61,7 +63,6 @@ class Network(Shown):
     at_zero : what is done if a rate law is above 0 although reactants are missing, one of `AT_ZERO`
     given : parameters, and what follows from them: rate constants, which are then computed, and counts at time 0
     time_unit : name of the unit of time, for tables and axes; "" if none is stated
-    species_places, channel_places : name -> its position
 
     Both tables may be given dense or as `SparseTable`. The dense ones, `reactants` and `stoichiometry`, are made when
     they are first used, so that tens of thousands of channels cost milliseconds. `dataclasses.replace` gives a network
@@ -79,61 +80,47 @@ class Network(Shown):
     sparse_reactants: SparseTable
     sparse_stoichiometry: SparseTable
     ways: Floats
-    rate_constants: Floats | None
-    combinations: str
-    conserved: Mapping[str, Floats]
-    laws: Mapping[str, Expression]
-    events: tuple[Event, ...]
-    at_zero: str
-    given: Parameters
-    time_unit: str
-    species_places: dict[str, int] = field(init=False)
-    channel_places: dict[str, int] = field(init=False)
+    rate_constants: Floats | None = None
+    combinations: str = "distinct"
+    conserved: Mapping[str, Floats] = field(default_factory=dict)
+    laws: Mapping[str, Expression] = field(default_factory=dict)
+    events: tuple[Event, ...] = ()
+    at_zero: str = "block"
+    given: Parameters = field(default_factory=Parameters)
+    time_unit: str = ""
 
-    def __init__(
-        self,
-        species: Sequence[str],
-        channels: Sequence[str],
-        sparse_reactants: SparseTable | ArrayLike,
-        sparse_stoichiometry: SparseTable | ArrayLike,
-        ways: ArrayLike,
-        rate_constants: ArrayLike | None = None,
-        combinations: str = "distinct",
-        conserved: Mapping[str, ArrayLike] | None = None,
-        laws: Mapping[str, str | Expression] | None = None,
-        events: Sequence[Event] = (),
-        at_zero: str = "block",
-        given: Parameters | None = None,
-        time_unit: str = "",
-    ) -> None:
-        species, channels = checked_names("species", species), checked_names("channels", channels)
+    def __post_init__(self) -> None:
+        species, channels = checked_names("species", self.species), checked_names("channels", self.channels)
         if not species:
             raise ValueError("a network needs at least one species")
         shape = (len(channels), len(species))
-        needed = checked_table("reactants", sparse_reactants, shape, minimum=0)
-        change = checked_table("stoichiometry", sparse_stoichiometry, shape)
+        needed = checked_table("reactants", self.sparse_reactants, shape, minimum=0)
+        change = checked_table("stoichiometry", self.sparse_stoichiometry, shape)
         check_no_overdraft(species, channels, needed, change)
-        channel_places, species_places = ({name: n for n, name in enumerate(names)} for names in (channels, species))
-        parameters, lawful = given or Parameters(), checked_laws(laws or {}, channel_places, species_places)
-        parameters.check(channels, species, lawful)
-        known = parameters.constants(channel_places, rate_constants)
-        vars(self).update(
-            species=species,
-            channels=channels,
-            sparse_reactants=needed,
-            sparse_stoichiometry=change,
-            ways=reals("ways", ways, shape[:1], minimum=0),
+        set_fields(self, species=species, channels=channels, sparse_reactants=needed, sparse_stoichiometry=change)
+        laws = checked_laws(self.laws, self.channel_places, self.species_places)
+        self.given.check(channels, species, laws)
+        known = self.given.constants(self.channel_places, self.rate_constants)
+        set_fields(
+            self,
+            ways=reals("ways", self.ways, shape[:1], minimum=0),
             rate_constants=None if known is None else reals("rate_constants", known, shape[:1], minimum=0),
-            combinations=checked_choice("combinations", combinations, COMBINATIONS),
-            conserved=checked_conserved(conserved or {}, channels, change),
-            laws=lawful,
-            events=checked_events(events, species_places),
-            at_zero=checked_choice("at_zero", at_zero, AT_ZERO),
-            given=parameters,
-            time_unit=time_unit,
-            species_places=species_places,
-            channel_places=channel_places,
+            combinations=checked_choice("combinations", self.combinations, COMBINATIONS),
+            conserved=checked_conserved(self.conserved, channels, change),
+            laws=laws,
+            events=checked_events(self.events, self.species_places),
+            at_zero=checked_choice("at_zero", self.at_zero, AT_ZERO),
         )
+
+    @cached_property
+    def species_places(self) -> dict[str, int]:
+        """Name of each species -> its position."""
+        return {name: place for place, name in enumerate(self.species)}
+
+    @cached_property
+    def channel_places(self) -> dict[str, int]:
+        """Name of each channel -> its position."""
+        return {name: place for place, name in enumerate(self.channels)}
 
     @cached_property
     def reactants(self) -> Ints:
@@ -155,8 +142,6 @@ class Network(Shown):
         >>> network.with_parameters(k1=2e-3).rate_constants.tolist()
         [0.002, 0.1]
         """
-        from kinetics.network.reaction_text import read_reactions
-
         read = read_reactions(text, parameters)
         read.check_counts()
         return network_of(read)
@@ -169,7 +154,6 @@ class Network(Shown):
         species: Sequence[str] | None = None,
         ways: ArrayLike | None = None,
         combinations: str = "distinct",
-        conserved: Mapping[str, ArrayLike] | None = None,
         parameters: Mapping[str, float] | None = None,
         events: Sequence[Event] = (),
         at_zero: str = "block",
@@ -190,9 +174,10 @@ class Network(Shown):
         if idle.size:
             name = list(reactions)[idle[0]]
             warnings.warn(f"channel {name!r} changes nothing: products and reactants agree; leave it out", stacklevel=2)
+        chosen: Any = np.ones(len(reactions)) if ways is None else ways
         return cls(
-            named, tuple(reactions), needed, change, np.ones(len(reactions)) if ways is None else ways, constants,
-            combinations, conserved, laws, events, at_zero, Parameters(parameters or {}), time_unit,
+            named, tuple(reactions), needed, change, chosen, constants, combinations, laws=laws, events=tuple(events),
+            at_zero=at_zero, given=Parameters(parameters or {}), time_unit=time_unit,
         )  # fmt: skip
 
     def with_rates(
@@ -330,7 +315,8 @@ def network_of(read: ReactionText) -> Network:
     """The network of a text that was read."""
     named, needed, change = reaction_tables(read.reactions, read.species)
     return Network(
-        named, tuple(read.reactions), needed, change, np.ones(len(read.reactions)), read.constants, read.combinations,
+        named, tuple(read.reactions), needed, change, np.ones(len(read.reactions)), np.array(read.constants),
+        read.combinations,
         laws=read.laws, given=read.given, time_unit=read.time_unit,
     )  # fmt: skip
 

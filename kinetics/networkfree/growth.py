@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,13 +13,12 @@ from numpy.typing import ArrayLike
 from kinetics.assembly.faces import ROTATIONS, compose, scheme_of
 from kinetics.assembly.rules.rule_book import RuleBook
 from kinetics.assembly.structure import Placement, Structure
+from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, integers, read_only, reals, rising_times
 from kinetics.support.datasets import dataframe
 from kinetics.support.frozen import set_fields
+from kinetics.support.packages import pd
 from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, Tabular, on_axes, over_time
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 NOTHING = -1  # in `before` and `after` of an event that takes or makes one structure only
 FEW_SIZES = 6  # up to which each size is shown by itself
@@ -90,7 +89,7 @@ class Growth(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """How much happened, in which tank, for how long."""
+        """One line: the numbers of events and cubes, and the time."""
         return f"{len(self.times)} events among {self.n_cubes} cubes until {self.end:g} tu, network-free"
 
     def summary(self) -> ResultTable:
@@ -185,7 +184,7 @@ class Growth(Shown, Tabular):
         return shown
 
     def to_dataframe(self) -> pd.DataFrame:
-        """One row per event: time in tu, the structures consumed and those produced, in words."""
+        """One row per event: time in tu, the structures consumed and those produced, as text."""
         names = [*map(str, self.structures), ""]  # NOTHING picks the last
         sides = {
             name: [" + ".join(filter(None, (names[s] for s in pair))) for pair in side.tolist()]
@@ -246,7 +245,7 @@ class Growths(Shown):
 
     @property
     def headline(self) -> str:
-        """How many runs, of what, for how long."""
+        """One line: the numbers of runs and cubes, and the time."""
         first = self.runs[0]
         return f"{len(self.runs)} network-free runs of {first.n_cubes} cubes until {first.end:g} tu"
 
@@ -339,8 +338,6 @@ class Growths(Shown):
         Shown are the classes of sizes and the target or, where growth starts from one seed, the size of the largest
         structure.
         """
-        from kinetics.support import plots
-
         shown = self.series(times)
         largest = shown.pop("largest")
         target = shown.pop("target", None)

@@ -56,7 +56,7 @@ def grow(
     progress : called with the number of runs finished and the time reached in the current one, tu
     draws : over how many draws of the class rates from their evidence the runs are spread, by turns; 0: over none, all
         runs are under the rates as they are
-    max_events : most events of a run; where one would come to more, all runs end at its last one, and
+    max_events : most events of a run; if one would come to more, all runs end at its last one, and
         `Growths.truncated` says so. None: any number
 
     The same seed gives the same result; runs of different numbers are independent. After Ctrl-C, the runs that are
@@ -172,7 +172,7 @@ def _run(
     times: list[float] = []
     sides: list[list[int]] = []
     draws = 0
-    with np.errstate(over="ignore", invalid="ignore"):  # rates beyond all numbers are refused in words
+    with np.errstate(over="ignore", invalid="ignore"):  # overflowing rates are refused with a message
         for time, event in _draws(tank, _uniforms(whole_number("seed", seed, 0), run).__next__, end, run):
             draws += 1
             if draws % PROGRESS_EVERY == 0:

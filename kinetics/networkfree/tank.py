@@ -196,7 +196,7 @@ class Known:
         return self.breaks[key]
 
     def forget(self, all_but: Mapping[StructureKind, int]) -> None:
-        """Keep memory bounded where hardly a structure comes twice."""
+        """Keep memory bounded when few structures recur."""
         if max(len(self.joins), len(self.breaks), len(self.kinds)) > MAX_REMEMBERED:
             self.joins.clear()
             self.breaks.clear()

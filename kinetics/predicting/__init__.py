@@ -7,28 +7,14 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from kinetics.predicting.accuracy import AskedAccuracy, Reached
-    from kinetics.predicting.elasticity import Elasticities, count_elasticities, passage_elasticities
-    from kinetics.predicting.passage_prediction import PassagePrediction, predict_passage
-    from kinetics.predicting.prediction import Prediction, predict
+    from kinetics.predicting.accuracy import AskedAccuracy as AskedAccuracy
+    from kinetics.predicting.accuracy import Reached as Reached
+    from kinetics.predicting.elasticity import Elasticities as Elasticities
+    from kinetics.predicting.elasticity import count_elasticities as count_elasticities
+    from kinetics.predicting.elasticity import passage_elasticities as passage_elasticities
+    from kinetics.predicting.passage_prediction import PassagePrediction as PassagePrediction
+    from kinetics.predicting.passage_prediction import predict_passage as predict_passage
+    from kinetics.predicting.prediction import Prediction as Prediction
+    from kinetics.predicting.prediction import predict as predict
 
-_HOMES = {
-    "kinetics.predicting.accuracy": ("AskedAccuracy", "Reached"),
-    "kinetics.predicting.elasticity": ("Elasticities", "count_elasticities", "passage_elasticities"),
-    "kinetics.predicting.passage_prediction": ("PassagePrediction", "predict_passage"),
-    "kinetics.predicting.prediction": ("Prediction", "predict"),
-}
-
-__all__ = [
-    "AskedAccuracy",
-    "Elasticities",
-    "PassagePrediction",
-    "Prediction",
-    "Reached",
-    "count_elasticities",
-    "passage_elasticities",
-    "predict",
-    "predict_passage",
-]
-
-__getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinetics.predicting.tuning import LEAST
+from kinetics.predicting.tuning import BUDGET, LEAST
 from kinetics.support.answer import CONFIDENCE, PROVEN
 from kinetics.support.arrays import Floats, real_number
 
@@ -16,24 +16,28 @@ KINDS = ("mean", "sd", "distribution")
 
 @dataclass(frozen=True)
 class AskedAccuracy:
-    """How far a prediction may be off, for all species shown and all times together.
+    """The largest error allowed in a prediction, for all species shown and all times together.
 
     value : the largest error. Of means and standard deviations in copies, or where `is_relative` as a share of the
         species' largest mean (sd) over the times, and of one copy at least, so that rare species need no digits.
         Of distributions it is the largest error of the probability of at most n copies, for any n
     of : "mean", "sd" or "distribution"
-    ValueError: a value that is no number from 1e-12, or above 1 where it is relative or a probability
+    budget : CPU time allowed for it, s
+    ValueError: a budget that is not above 0, or a value below 1e-12, or above 1 if it is relative or a probability
 
     >>> from kinetics.predicting import AskedAccuracy
-    >>> AskedAccuracy.of_text("1%"), AskedAccuracy.of_text("0.5", of="sd")
-    (AskedAccuracy(value=0.01, is_relative=True, of='mean'), AskedAccuracy(value=0.5, is_relative=False, of='sd'))
+    >>> AskedAccuracy.of_text("1%", of="sd")
+    AskedAccuracy(value=0.01, is_relative=True, of='sd', budget=1200.0)
     """
 
     value: float
     is_relative: bool = False
     of: str = "mean"
+    budget: float = BUDGET
 
     def __post_init__(self) -> None:
+        if not 0 < real_number("budget", self.budget) < np.inf:
+            raise ValueError(f"budget = {self.budget:g}; expected a positive number of seconds")
         if self.of not in KINDS:
             raise ValueError(f"accuracy of {self.of!r}; expected that of {', '.join(KINDS)}")
         real_number("accuracy", self.value)
@@ -53,8 +57,8 @@ class AskedAccuracy:
         return ", the error of a probability" if self.of == "distribution" else ""
 
     @classmethod
-    def of_text(cls, text: str, of: str = "mean") -> AskedAccuracy:
-        """From "1%" or "0.5"; of a distribution both are probabilities."""
+    def of_text(cls, text: str, of: str = "mean", budget: float = BUDGET) -> AskedAccuracy:
+        """Read an accuracy from "1%" or "0.5"; for a distribution both are probabilities."""
         stripped = text.strip()
         is_percent = stripped.endswith("%")
         try:
@@ -63,7 +67,7 @@ class AskedAccuracy:
             raise ValueError(
                 f"accuracy {text!r}; expected a share such as 1%, or a number of copies such as 0.5"
             ) from None
-        return cls(number / 100 if is_percent else number, is_percent and of != "distribution", of)
+        return cls(number / 100 if is_percent else number, is_percent and of != "distribution", of, budget)
 
     @property
     def in_words(self) -> str:
@@ -113,13 +117,13 @@ class Reached:
     """The accuracy of a prediction that was made for one.
 
     asked : what was asked for
-    error : bound on the error, in the unit of `asked`; inf where none is known
+    error : bound on the error, in the unit of `asked`; inf if none is known
     is_proven : whether the bound is proven, else that of an interval by the normal distribution
     confidence : of the bound, for all figures together; 1 for a solution
     chosen : method that gave the answer
     candidates : all that were considered, with their forecast costs
-    tenfold : the cheapest for a tenth of the error, and its forecast cost; None where none can reach it
-    rare : of an answer by runs, how rare events were allowed for; empty where none showed
+    tenfold : the cheapest for a tenth of the error, and its forecast cost; None if none can reach it
+    rare : of an answer by runs, how rare events were allowed for; empty if none showed
 
     >>> from kinetics import Network, predict
     >>> decay = Network.from_text("A -> 0, 0.1")
@@ -175,7 +179,7 @@ class Reached:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """The accuracy reached as a dictionary, ready for JSON."""
         best = self.tenfold
         return {
             "asked": self.asked.value,

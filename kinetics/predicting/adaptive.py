@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from kinetics.markov.transient import Distribution
-from kinetics.predicting import tuning
 from kinetics.predicting.accuracy import AskedAccuracy, Reached
 from kinetics.predicting.job import Job
 from kinetics.predicting.sampled_way import EnoughRuns
@@ -26,10 +25,10 @@ class Adapted(NamedTuple):
     is_complete: bool
 
 
-def adaptive_prediction(job: Job, asked: AskedAccuracy, budget: float = tuning.BUDGET) -> Adapted:
+def adaptive_prediction(job: Job, asked: AskedAccuracy) -> Adapted:
     """The answer by the way that is forecast to be cheapest.
 
-    budget : s of processor time; a ValueError before the work starts, where all ways are forecast to take more
+    A ValueError comes before the work starts if all ways are forecast to take more than the budget.
 
     Forecasts come from counted work (states, steps, events) and the measured cost of each, never from the clock, so
     that one seed gives one answer on any machine and for any number of threads. In two rounds every way makes its
@@ -44,7 +43,7 @@ def adaptive_prediction(job: Job, asked: AskedAccuracy, budget: float = tuning.B
             f"accuracy = {asked.in_words} of counts up to {most:.3g}, which double precision holds to {digit:.3g}; "
             "ask for no less than that"
         )
-    goal = Goal(job, asked, budget, job.bounds(largest_counts(job.model.network, job.model.initial)))
+    goal = Goal(job, asked, asked.budget, job.bounds(largest_counts(job.model.network, job.model.initial)))
     ways = [way(goal) for way in WAYS]
     try:
         for way in 2 * ways:
@@ -54,7 +53,7 @@ def adaptive_prediction(job: Job, asked: AskedAccuracy, budget: float = tuning.B
                 return _adapted(goal, ways, way, found)
             way.is_settled = False
         for way in sorted(ways, key=lambda way: way.at_most):
-            found = way.attempt() if way.at_most <= budget else None
+            found = way.attempt() if way.at_most <= asked.budget else None
             if found is not None:
                 return _adapted(goal, ways, way, found)
     except KeyboardInterrupt:
@@ -69,7 +68,7 @@ def adaptive_prediction(job: Job, asked: AskedAccuracy, budget: float = tuning.B
         "ask for less accuracy, for fewer species or times, or allow a larger budget",
     )
     raise ValueError(
-        f"an accuracy of {asked.in_words} is beyond the budget of {budget:.3g} s of CPU time: {tried}; {advice}"
+        f"an accuracy of {asked.in_words} is beyond the budget of {asked.budget:.3g} s of CPU time: {tried}; {advice}"
     )
 
 

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinetics.markov import Chain, Sensitivity, passage_sensitivity
-from kinetics.network import Model, Network, Tank
+from kinetics.markov import Chain, Sensitivity, sensitivity_to
+from kinetics.network import Model, Network
 from kinetics.predicting.over_draws import DrawMeans
 from kinetics.rates import BookRates, Rates, RatesPosterior
+from kinetics.support import plots
 from kinetics.support.arrays import Counts, Floats, divided, rising_times
 from kinetics.support.intervals import student_quantile
 from kinetics.support.shown import ResultTable, Shown, on_axes
@@ -36,8 +37,8 @@ class Elasticities(Shown):
     is_rate : (P,); for a shape parameter the value is d ln(prediction) / d parameter instead, with each coefficient
         moving so that as many breaks would have been expected where they were counted
     prediction : (...) to which they belong
-    value, standard_error : (P, ...); nan where not known. The error is 0 for an exact solution
-    share : (P, ...) of the variance that the rates leave in the prediction, to first order; nan where they leave none
+    value, standard_error : (P, ...); nan if not known. The error is 0 for an exact solution
+    share : (P, ...) of the variance that the rates leave in the prediction, to first order; nan if they leave none
     quantile : how far a 95 % interval reaches beyond the value, in standard errors, by Student's t
     is_exact : exact derivatives at the posterior mean of each parameter; else averaged over the posterior
 
@@ -73,7 +74,7 @@ class Elasticities(Shown):
 
     @property
     def note(self) -> str:
-        """How they were found, for the reader."""
+        """A line for people on how the elasticities were found."""
         how = (
             "exact derivatives at the posterior mean of each parameter"
             if self.is_exact
@@ -85,7 +86,7 @@ class Elasticities(Shown):
 
     @property
     def headline(self) -> str:
-        """How many there are."""
+        """One line: the numbers of figures and parameters."""
         kind = "exact" if self.is_exact else "from draws of the rates"
         return f"elasticities of {self.prediction.size} figures to {len(self.parameters)} parameters, {kind}"
 
@@ -99,7 +100,7 @@ class Elasticities(Shown):
         return ResultTable(self.headline, ("parameter", "smallest", "largest", "largest share"), rows, [self.note])
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it but the prediction; arrays are (P, ...)."""
+        """The elasticities, without the prediction, ready for JSON; arrays are (P, ...)."""
         return {
             "parameters": self.parameters,
             "is_rate": self.is_rate,
@@ -115,8 +116,6 @@ class Elasticities(Shown):
     @on_axes
     def plot(self, ax: Any, names: tuple[str, ...]) -> Any:
         """Bars with intervals for the last time, one colour for each of the S names of the last axis; returns `ax`."""
-        from kinetics.support import plots
-
         values, low, high = (
             each.reshape(len(each), -1, len(names))[:, -1] for each in (self.value, self.low, self.high)
         )
@@ -124,7 +123,7 @@ class Elasticities(Shown):
 
 
 def _range(values: Floats) -> tuple[str, str]:
-    """Smallest and largest value; nothing where there is none."""
+    """Smallest and largest value; nothing if there is none."""
     return (f"{values.min():.3g}", f"{values.max():.3g}") if values.size else ("", "")
 
 
@@ -135,13 +134,12 @@ def count_elasticities(
     times: ArrayLike,
     drawn: DrawMeans | None = None,
     observables: Observables | None = None,
-    tank: Tank | None = None,
     exact_states: int = EXACT_STATES,
 ) -> Elasticities:
     """Elasticities (P, T, S) of the mean counts at `times` (T,), tu.
 
     initial : counts at time 0 that go before the model's; None for these
-    drawn : of a prediction for these times, observables and tank
+    drawn : of a prediction for these times and observables, in the tank of the model
     exact_states : up to so many reachable states they are solved for, by one pass forwards a time and one backwards a
         count, for all parameters; else they come from `drawn`, at no further cost
     ValueError: no rate has evidence where draws are needed, or there are fewer than two draws for a parameter.
@@ -154,7 +152,6 @@ def count_elasticities(
     >>> count_elasticities(decay, rates, {"A": 10}, [5.0]).value.round(6).tolist()  # -k t
     [[[-0.5]]]
     """
-
     given = Model.of(model, initial)
 
     def solved(network: Network) -> Gradients:
@@ -167,7 +164,7 @@ def count_elasticities(
         return means, np.moveaxis(np.array([[each.value for each in row] for row in found]), -1, 0)
 
     try:
-        return exact_elasticities(rates.posterior(given.network, tank), solved)
+        return exact_elasticities(rates.posterior(given.network, given.tank), solved)
     except ValueError as refusal:  # too many states, or too stiff
         if drawn is None:
             raise ValueError(
@@ -183,9 +180,8 @@ def passage_elasticities(
     initial: Counts | None,
     species: str,
     copies: int = 1,
-    tank: Tank | None = None,
 ) -> Elasticities:
-    """Elasticities (P, 1) of the mean time to `copies` of a species, solved for; ValueError where it is infinite.
+    """Elasticities (P, 1) of the mean time to `copies` of a species, solved for; ValueError if it is infinite.
 
     >>> from kinetics import ChannelRate, Convention, Network, Rates
     >>> from kinetics.predicting import passage_elasticities
@@ -196,18 +192,18 @@ def passage_elasticities(
     >>> found.value.round(9).tolist(), found.share.round(9).tolist()
     ([[-1.0]], [[1.0]])
     """
-
     given = Model.of(model, initial)
 
     def solved(network: Network) -> Gradients:
-        found = passage_sensitivity(network, given.initial, species, copies)
+        asked, goal = sensitivity_to(network, given.initial, species, copies)
+        found = asked.passage(goal)
         return np.array([found.answer.value]), found.value[:, None]
 
-    return exact_elasticities(rates.posterior(given.network, tank), solved)
+    return exact_elasticities(rates.posterior(given.network, given.tank), solved)
 
 
 def exact_elasticities(posterior: RatesPosterior, solved: Callable[[Network], Gradients]) -> Elasticities:
-    """From the derivatives of the predictions by the rate constants, and of these by the parameters.
+    """Elasticities by the chain rule: derivatives of predictions by rate constants, times those by the parameters.
 
     solved : of a network, its predictions (...) and their derivatives (R', ...) by the logarithm of each rate constant
     The share of a parameter is that of the linear propagation of errors. Cost: that of `solved`, once.
@@ -247,7 +243,7 @@ def _constants(posterior: RatesPosterior) -> tuple[Floats, Floats]:
 
 
 def elasticities_of_draws(drawn: DrawMeans) -> Elasticities:
-    """By linear regression of the means under single draws on the parameters, each over its posterior mean.
+    """Elasticities by linear regression of means under single draws on the parameters, each over its posterior mean.
 
     For a rate k with a Gamma posterior the coefficient is E[k d mean / dk], whatever the curvature, because
     Cov(k, f) = E[k f'(k)] / exposure (Stein's identity for the Gamma distribution: Diaconis & Zabell 1991,

@@ -108,7 +108,7 @@ def force_firings(
     network: Network, source: RunSource, seen: SeenRates, grid: Floats, most: int, seed: int, tally: Tally,
     needed: float,
 ) -> ForcedFirings | None:  # fmt: skip
-    """Force all channels that fire seldom in so many runs; None where rates depend on time, or events set counts.
+    """Force all channels that fire seldom in so many runs; None if rates depend on time, or events set counts.
 
     source : the runs whose counts, or sums of these, are asked for at `grid` (T,)
     seen : the rates of the first runs, which are in `tally`
@@ -186,7 +186,7 @@ def _after_firing(
 
 
 def _followed(source: RunSource, times: Floats, runs: int, first_run: int) -> Ints | None:
-    """Counts (runs, T', V) at `times` (T',) after a forced firing; None where one run has too many events."""
+    """Counts (runs, T', V) at `times` (T',) after a forced firing; None if one run has too many events."""
     if source.start.min() < 0:
         return None
     try:

@@ -1,4 +1,4 @@
-"""What is to be predicted: counts of a network, or sums of these, from a start at some times."""
+"""A prediction job: counts of a network, or sums of these, from a start at some times."""
 
 from __future__ import annotations
 

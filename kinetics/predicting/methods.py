@@ -1,4 +1,4 @@
-"""Methods by name: those that solve are imported only where one is asked for."""
+"""Methods by name: those that solve are imported only if one is asked for."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def names() -> tuple[str, ...]:
-    """Of all methods, those that sample first."""
+    """The names of all methods, those that sample first."""
     from kinetics.markov.transient.methods import BY_NAME
 
     return (*SAMPLING, *BY_NAME)

@@ -31,7 +31,7 @@ class Observables:
 
     @classmethod
     def of(cls, network: Network, sums: Mapping[str, Mapping[str, float]]) -> Observables:
-        """From name -> weights of species; a ValueError where a weight is no whole number >= 0."""
+        """Observables from a mapping name -> weights of species; a ValueError if a weight is no whole number >= 0."""
         weights = np.zeros((len(network.species), len(sums)))
         for v, (name, terms) in enumerate(sums.items()):
             for species, weight in terms.items():

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinetics.network import Model
 from kinetics.predicting.job import Job
 from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
@@ -53,7 +54,7 @@ class DrawMeans:
     def limits(self, inside: Floats) -> tuple[Floats, Floats]:
         """95 % interval of the mean (T, S) from the rates; it holds `inside` (T, S), the estimate that it belongs to.
 
-        The posterior mean lies outside of the middle 95 % where its distribution is very skew, as for what hardly ever
+        The posterior mean lies outside of the middle 95 % where its distribution is very skewed, as for what rarely
         happens.
         """
         low, high = noise_free_limits(self.means, self.noise.mean(axis=0))
@@ -66,7 +67,7 @@ class RunsOverDraws:
 
     statistics : of all runs
     standard_error : (T, S) of their mean, from the scatter between draws, which holds that between runs
-    drawn : the first draws; None where not even two were finished
+    drawn : the first draws; None if not even two were finished
     draws : number of draws behind all runs
     """
 
@@ -140,7 +141,8 @@ def _batches(
         sequence = np.random.SeedSequence(whole_number("seed", job.seed, 0), spawn_key=(1, number))
         table = posterior.draw(np.random.default_rng(sequence), min(block, n_draws - begin))
         made = simulate_posterior(
-            posterior.expected, posterior.constants(table), job.model.initial, watch.grid, RUNS_PER_DRAW, job.seed,
+            Model.of(posterior.expected, job.model.initial), posterior.constants(table), watch.grid, RUNS_PER_DRAW,
+            job.seed,
             method=method,
             first_run=begin * RUNS_PER_DRAW,
             threads=len(os.sched_getaffinity(0)) if job.threads is None else job.threads,

@@ -9,7 +9,7 @@ import numpy as np
 
 from kinetics.markov import first_passage
 from kinetics.markov.passage import Passage
-from kinetics.network import Model, Network, Tank
+from kinetics.network import Model, Network
 from kinetics.network.sums import Counted
 from kinetics.predicting.over_draws import LIMITS
 from kinetics.predicting.prediction import evidence_notes
@@ -26,13 +26,13 @@ class PassagePrediction(Shown):
     """A first-passage time under rates that are known from evidence, or taken as known; times in tu.
 
     passage : its distribution at the posterior mean of each rate constant, or at the rates that are taken as known
-    mean : the mean of `passage`, with its bounds; where rates have evidence, the posterior median of the mean time and
+    mean : the mean of `passage`, with its bounds; if rates have evidence, the posterior median of the mean time and
         its middle 95 %
     notes : remarks for the reader
     network : the network whose passage it is, with its rate constants
 
     The mean time has no posterior mean where a rate has few events: 1 / k has none with k from Gamma(1/2). Its median
-    and quantiles exist always; they are inf only where the target may be missed at any rates.
+    and quantiles exist always; they are inf only if the target may be missed at any rates.
 
     >>> from kinetics import Network, predict_passage
     >>> found = predict_passage(Network.from_text("A -> B, 0.1"), None, {"A": 1}, "B")
@@ -47,7 +47,7 @@ class PassagePrediction(Shown):
 
     @property
     def headline(self) -> str:
-        """Its mean time, with the interval from the rates."""
+        """One line: the mean time, with the interval from the rates."""
         mean = in_unit(f"{self.mean.value:.4g}", self.passage.time_unit)
         known = f" [{self.mean.low:.4g}, {self.mean.high:.4g}], 95 % from the rates"
         return f"time until {self.passage.target}: mean {mean}{known if self.mean.kind == CONFIDENCE else ''}"
@@ -66,14 +66,12 @@ def predict_passage(
     copies: int = 1,
     seed: int = 0,
     draws: int = 100,
-    tank: Tank | None = None,
 ) -> PassagePrediction:
     """First passage to `copies` of a species, and what the uncertainty of the rates leaves open of its mean.
 
     rates : None for the model's own, which are taken as known, so that there is no interval
     initial : counts at time 0 that go before the model's; None for these
     draws : number of draws of the rates; each is solved exactly, so the cost is so many solutions
-    tank : where it happens; None for the tank of the rates
     ValueError: rates of another network or without their tank, and what `first_passage` refuses
 
     >>> from kinetics import ChannelRate, Convention, Network, Rates, predict_passage
@@ -87,10 +85,10 @@ def predict_passage(
     given = Model.of(model, initial)
     network, start = given.network, given.initial
     if rates is None or not rates.has_evidence:
-        network = network if rates is None else rates.apply(network, tank)
+        network = network if rates is None else rates.apply(network, given.tank)
         passage = first_passage(network, start, species, copies)
         return PassagePrediction(passage, passage.answer("mean"), evidence_notes(rates), network)
-    began, posterior = time.process_time(), rates.posterior(network, tank)
+    began, posterior = time.process_time(), rates.posterior(network, given.tank)
     sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(1, 0))
     table = posterior.draw(np.random.default_rng(sequence), whole_number("draws", draws, 2))
     models = (posterior.expected.with_rates(constants) for constants in posterior.constants(table))

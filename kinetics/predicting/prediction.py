@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.network import Model, Network, Tank
+from kinetics.network import Model, Network
 from kinetics.predicting.job import Job
 from kinetics.predicting.methods import method_of
 from kinetics.predicting.observables import Observables
@@ -20,13 +20,14 @@ from kinetics.sampling import Auto, SamplingMethod
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.streamed import streamed
 from kinetics.sampling.watch import MAX_EVENTS
-from kinetics.support.arrays import Counts, Floats, real_number, some_times
+from kinetics.support import plots
+from kinetics.support.arrays import Counts, Floats, some_times
 from kinetics.support.datasets import dataframe_over_times, dataset
+from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time, precision_of
 from kinetics.support.tables import with_spread
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
     from kinetics.markov.transient import Distribution, SolvingMethod
@@ -40,19 +41,19 @@ RUNS = 1000
 class Prediction(Shown, Tabular):
     """The mean and spread of the counts of every species over time, with their errors. Arrays are (T, S).
 
-    mean, sd : mean, and standard deviation of a single run. Where the rates have evidence, a method that samples gives
+    mean, sd : mean, and standard deviation of a single run. If the rates have evidence, a method that samples gives
         those of the posterior prediction (rates drawn, then a run: intrinsic noise and the uncertainty of the rates),
         and one that does not those at the posterior mean of each rate constant
-    low, high : 95 % interval of the mean from the uncertainty of the rates; None where these have no evidence
+    low, high : 95 % interval of the mean from the uncertainty of the rates; None if these have no evidence
     standard_error : of the mean, that of drawing rates included; 0 for a method that does not sample, nan for one run
     error : bound on, or estimate of, the numerical error of the probabilities; 0 for a method that samples
     notes : remarks on the interval, for the reader
     is_complete : whether all runs and draws were made; fewer are made after Ctrl-C
     method : by its name; one that chooses says in brackets what it chose
     result : the statistics of the runs, or the Distribution, from which mean and sd come
-    drawn : means under single draws of the rates, from which the interval comes; None where there is none
-    reached : the accuracy, and how it was reached; None where none was asked for
-    truncated : why there are fewer times than were asked for; None where there are not
+    drawn : means under single draws of the rates, from which the interval comes; None if there is none
+    reached : the accuracy, and how it was reached; None if none was asked for
+    truncated : why there are fewer times than were asked for; None if there are not
 
     >>> from kinetics import ChannelRate, Convention, Network, Rates, predict
     >>> decay = Network.from_text("decay: A -> 0, 1")
@@ -126,8 +127,6 @@ class Prediction(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, bands of the middle 95 % of runs, and the interval of the mean (dashed); returns `ax`."""
-        from kinetics.support import plots
-
         self.result.plot(ax)
         if self.low is not None and self.high is not None:
             plots.intervals(ax, self.times, self.low, self.high)
@@ -146,9 +145,7 @@ def predict(
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
     observables: Observables | None = None,
-    tank: Tank | None = None,
     accuracy: AskedAccuracy | str | float | None = None,
-    budget: float | None = None,
     max_events: int = MAX_EVENTS,
 ) -> Prediction:
     """Predict mean and spread of the counts at `times` under `rates`, with a 95 % interval of the mean.
@@ -161,10 +158,8 @@ def predict(
     draws : least number of draws of the rates from their posterior; the interval comes from so many
     progress : called with a line of text on how far the work is; None for silence
     observables : sums of counts to report instead of all counts
-    tank : where it happens; None for the tank of the rates
     accuracy : instead of method and runs: an `AskedAccuracy`, or a text such as "1%"; the cheapest method that reaches
         it is chosen, see `adaptive_prediction`, and mean and sd are those at the posterior mean of each rate constant
-    budget : CPU time allowed for it, s; 1200 by default
     max_events : the most events of a sampled run; figures end before the first run that would come to more, or whose
         counts or propensities go beyond all numbers, see `simulate`
     ValueError: rates of another network or without their tank, missing rates, or what the method refuses; an accuracy
@@ -189,16 +184,16 @@ def predict(
     True
     """
     began = time.process_time()
-    _check_choice(accuracy, method, runs, budget)
+    _check_choice(accuracy, method, runs)
     method = Auto() if method is None else method_of(method)
     given = Model.of(model, initial)
-    posterior = None if rates is None or not rates.has_evidence else rates.posterior(given.network, tank)
+    posterior = None if rates is None or not rates.has_evidence else rates.posterior(given.network, given.tank)
     if rates is not None:
-        given = replace(given, network=rates.expected(given.network, tank))
+        given = replace(given, network=rates.expected(given.network, given.tank))
     report = progress or (lambda _: None)
     job = Job(given, some_times(times), observables, seed, threads, report, max_events)
     if accuracy is not None:
-        found = _adapted(job, accuracy, budget)
+        found = _adapted(job, accuracy)
     elif isinstance(method, SamplingMethod):
         found = _sampled(job, method, RUNS if runs is None else runs, posterior, draws)
     else:
@@ -254,7 +249,7 @@ def predict(
 
 
 class _Found(NamedTuple):
-    """What a strategy gives.
+    """The result of a strategy.
 
     spread : the runs over draws of the rates, if mean and sd come from these
     """
@@ -268,12 +263,12 @@ class _Found(NamedTuple):
 
 
 def _solved(job: Job, method: SolvingMethod) -> _Found:
-    """By a method that solves the master equation."""
+    """Predict by a method that solves the master equation."""
     return _Found(job.distribution(method.solve(job.model.network, job.model.initial, job.grid)), method.name)
 
 
 def _sampled(job: Job, method: SamplingMethod, runs: int, posterior: RatesPosterior | None, draws: int) -> _Found:
-    """By runs: spread over draws of the rates where these have evidence."""
+    """Predict by runs, spread over draws of the rates if these have evidence."""
     name = method.name_for(job.model.network, job.model.initial)
     if posterior is not None:
         spread = runs_over_draws(job, posterior, runs, draws, method)
@@ -282,34 +277,28 @@ def _sampled(job: Job, method: SamplingMethod, runs: int, posterior: RatesPoster
         return _Found(made, name, made.is_complete, (note,), spread)
     forecast_runs(job.model.network, method, job.model.initial, job.grid, runs, job.threads, job.max_events)
     sampling = method if job.observables is None else job.observables.sampling(method, job.model.network)
-    made = streamed(
-        job.shown, sampling, job.model.initial, job.grid, runs, job.seed, job.threads,
-        covariances=False, progress=lambda done: job.report(f"{done} of {runs} runs"), max_events=job.max_events,
-    )  # fmt: skip
+    source = sampling.source(job.shown, job.model.initial, job.seed, job.max_events)
+    say = lambda done: job.report(f"{done} of {runs} runs")  # noqa: E731
+    made = streamed(job.shown, source, job.grid, runs, job.threads, covariances=False, progress=say)
+    made = replace(made, method=sampling.name_for(job.shown, job.model.initial))
     notes = () if made.is_complete else (f"interrupted: {made.runs} of {runs} runs were made",)
     return _Found(made, name, made.is_complete, notes)
 
 
-def _adapted(job: Job, accuracy: AskedAccuracy | str | float, budget: float | None) -> _Found:
-    """By the cheapest way to an accuracy."""
+def _adapted(job: Job, accuracy: AskedAccuracy | str | float) -> _Found:
+    """Predict by the cheapest way to an accuracy."""
     from kinetics.predicting.accuracy import accuracy_of
     from kinetics.predicting.adaptive import adaptive_prediction
-    from kinetics.predicting.tuning import BUDGET
 
-    allowed = BUDGET if budget is None else real_number("budget", budget)
-    if not 0 < allowed < np.inf:
-        raise ValueError(f"budget = {allowed:g}; expected a positive number of seconds")
-    result, reached, is_complete = adaptive_prediction(job, accuracy_of(accuracy), allowed)
+    result, reached, is_complete = adaptive_prediction(job, accuracy_of(accuracy))
     notes = reached.notes
     if not is_complete:
         notes = (*notes, "stopped by Ctrl-C or by the budget before the accuracy was reached")
     return _Found(result, reached.chosen, is_complete, notes, reached=reached)
 
 
-def _check_choice(accuracy: object, method: object, runs: object, budget: object) -> None:
-    """Raise a ValueError where an accuracy is given beside what it would choose, or a budget without one."""
-    if accuracy is None and budget is not None:
-        raise ValueError("a budget without an accuracy; a budget limits the cost of an accuracy")
+def _check_choice(accuracy: object, method: object, runs: object) -> None:
+    """Raise a ValueError if an accuracy is given beside what it would choose."""
     for name, value in (("method", method), ("runs", runs)):
         if accuracy is not None and value is not None:
             raise ValueError(

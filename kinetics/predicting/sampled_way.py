@@ -158,7 +158,7 @@ class RunsUntil:
     run_seconds : about what a run takes, s
     first : (runs, T, V) counts of the first runs, where these were made
     together : runs that cost about as much as one more would
-    forcing : gives the forced firings beside the runs in a tally, of which so many are needed; None where none can be
+    forcing : gives the forced firings beside the runs in a tally, of which so many are needed; None if none can be
     watch : over all runs; once one is truncated, there are fewer times
     """
 
@@ -217,7 +217,7 @@ class RunsUntil:
         return self._made(self.tally.runs)
 
     def interrupted(self) -> Attained:
-        """The runs that were made; KeyboardInterrupt where there are fewer than two, which have no variance."""
+        """The runs that were made; KeyboardInterrupt if there are fewer than two, which have no variance."""
         if self.tally.runs < 2:
             raise KeyboardInterrupt
         if self.asked.of != "distribution":
@@ -230,7 +230,7 @@ class RunsUntil:
         return max(planned, tuning.LEAST_GROWTH * self.tally.runs)
 
     def _rounded(self, runs: float) -> int:
-        """At least so many, as cost no more."""
+        """At least so many runs, rounded up to what costs no more."""
         return self.together * ceil(runs / self.together)
 
     def _made(self, wanted: int) -> Attained:

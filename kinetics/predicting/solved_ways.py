@@ -51,7 +51,7 @@ class AllStates(SolvedWay):
 
     def __init__(self, goal: Goal) -> None:
         super().__init__(goal)
-        self.error = 0.0  # as long as nobody knows better
+        self.error = 0.0  # until a solution gives a better bound
         self.space: StateSpace | None = None
         self.transitions: Transitions | None = None
         self.is_tried = False
@@ -88,7 +88,7 @@ class AllStates(SolvedWay):
         self.cost = CostForecast(self.name, seconds, remark)
 
     def _solution(self, space: StateSpace, transitions: Transitions, limit: float) -> tuple[float | None, str]:
-        """Forecast cost of a solution of at most `limit` s, and a remark; None where it would not prove enough."""
+        """Forecast cost of a solution of at most `limit` s, and a remark; None if it would not prove enough."""
         goal, job, states = self.goal, self.goal.job, f"{transitions.size} states"
         try:
             seconds, is_proven = Transient(max_seconds=limit).forecast(transitions, float(job.grid[-1]))
@@ -158,7 +158,7 @@ class Projection(SolvedWay):
 
 
 def largest_counts(network: Network, start: Ints) -> Floats:
-    """Upper bounds (S,) of the counts; inf where none is known.
+    """Upper bounds (S,) of the counts; inf if none is known.
 
     The stated conserved quantities give some, and so does the number of all copies where nothing makes it grow.
     """
@@ -189,7 +189,7 @@ def _made(network: Network) -> Floats:
 
 
 def error_reached(asked: AskedAccuracy, found: Distribution, tops: Floats) -> float:
-    """Bound on the error of `found`, in the unit of `asked`; inf where nothing is proven.
+    """Bound on the error of `found`, in the unit of `asked`; inf if nothing is proven.
 
     tops : (V,) largest counts, inside the states of `found` and outside
     """

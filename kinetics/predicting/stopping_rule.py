@@ -10,9 +10,9 @@ as Student has it. The runs are enough where the largest |error| / tolerance sta
 Every look may be the last, and their chances need not add up: whether runs are enough depends on their variances
 alone, of which means of normal figures are independent (Chow & Robbins 1965, doi:10.1214/aoms/1177700156). Looks that
 find variances too small by chance cost something, and Student's factor makes up for that: for normal figures the
-chance to be wrong stays below 1 - `LEVEL` with the looks made here, as a test computes. Where low means come with low
+chance to be wrong stays below 1 - `LEVEL` with the looks made here, as a test computes. If low means come with low
 variances, as among small counts, the term of Bernstein's inequality makes up for it. Rare events that runs have not
-shown yet enter their moments by `ForcedFirings`; where channels cannot be forced, looks at fewer than `FEW` runs are
+shown yet enter their moments by `ForcedFirings`; if channels cannot be forced, looks at fewer than `FEW` runs are
 allowed a much smaller chance.
 """
 

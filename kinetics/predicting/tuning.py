@@ -23,7 +23,7 @@ BUDGET = 1200.0  # s; choice: what people wait for without having allowed it
 FEW_STATES = 1000  # listed before anything else is tried; timed: 0.4 to 0.6 ms
 LIST_SECONDS, LIST_SPECIES = 3e-7, 3.3e-8  # s a state at least, and for each species; timed: 5e-7 at 4 species
 SOLVE_SECONDS, TIME_SECONDS = 8e-4, 2e-5  # s of any solution, and for each time; timed: 9e-4 for one, 3e-3 for 100
-LISTING = 0.05  # share of the forecast cost of runs that listing may take; choice: wasted, it is hardly seen
+LISTING = 0.05  # share of the forecast cost of runs that state enumeration may take; choice: if wasted, it is small
 QUICK = 3e-3  # s of a solution that is taken at once; choice: about what the first runs and forced firings cost
 
 # ---- Projections, whose cost shows only as they go

@@ -1,4 +1,4 @@
-"""What a way to an accuracy is: it forecasts its cost, and is attempted when that is the least."""
+"""The base of all ways to an accuracy: each forecasts its cost, and the cheapest is attempted."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Goal:
     """The accuracy that is asked of a job, and what its ways share.
 
     budget : s of processor time
-    tops : (V,) upper bounds of what is shown, inf where none is known
+    tops : (V,) upper bounds of what is shown, inf if none is known
     is_listed : whether all states are known, of which `tops` are then the largest counts
     """
 
@@ -76,7 +76,7 @@ class AccuracyWay(ABC):
 
     @property
     def tenfold(self) -> CostForecast | None:
-        """The cost of a tenth of the error; None where it is not known, or cannot be reached."""
+        """The cost of a tenth of the error; None if it is not known, or cannot be reached."""
         return None
 
     @property

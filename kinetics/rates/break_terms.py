@@ -1,4 +1,4 @@
-"""How the breaks of a rates file depend on their partners: the break model, its shape, and what is known of it."""
+"""The dependence of breaks on their partners in a rates file: the break model, its shape, and their posterior."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class BreakTerms(Settings):
 
     model : name of a break model
     shape : its shape parameters at their largest likelihood
-    posterior : what the evidence leaves of them; None where they are taken as known
+    posterior : what the evidence leaves of them; None if they are taken as known
     like_pairs : how a pair of like bodies is counted
 
     >>> from kinetics.rates import BreakTerms
@@ -70,12 +70,12 @@ class BreakTerms(Settings):
         return break_model(self.model)
 
     def check(self, network: Network) -> None:
-        """ValueError where the shape parameters are not those of the model in this network."""
+        """ValueError if the shape parameters are not those of the model in this network."""
         wanted = {parameter.name: parameter for parameter in self.break_model.parameters(network)}
         self._check_shape(wanted)
 
     def _check_shape(self, wanted: Mapping[str, ShapeParameter]) -> None:
-        """ValueError where the shape parameters are not these, or out of their ranges."""
+        """ValueError if the shape parameters are not these, or out of their ranges."""
         if list(self.shape) != list(wanted):
             raise ValueError(
                 f"break model {self.model!r} has the shape parameters {', '.join(wanted) or 'none'}; "
@@ -103,7 +103,7 @@ class BreakTerms(Settings):
         return model.by_size(of, self.shape)
 
     def at_shapes(self, network: Network) -> Floats | None:
-        """Weights (G, P) at each point of the posterior of the shape; None where there is no posterior."""
+        """Weights (G, P) at each point of the posterior of the shape; None if there is no posterior."""
         if self.posterior is None:
             return None
         shapes = [dict(zip(self.shape, point, strict=True)) for point in self.posterior.points]

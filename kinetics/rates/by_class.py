@@ -225,7 +225,7 @@ class BookRates(AppliedRates):
 
     @property
     def convention(self) -> Convention:
-        """How propensities are put together."""
+        """The convention by which propensities count combinations."""
         return self.rates.convention
 
     @property

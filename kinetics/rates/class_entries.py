@@ -23,7 +23,7 @@ class ClassRate(MeasuredRate):
 
     events : not whole where classes that differ were pooled: what the evidence is then worth
     exposures : of a break whose model has a shape that is not known, the exposure to bodies of 1, 2, ... cubes, to the
-        wall and to nobody; `exposure` is their sum, weighted as the model weights them
+        wall and to no partner; `exposure` is their sum, weighted as the model weights them
     exposure_by_shape : the same as exposure at each point of the shape's posterior, where partners are species
 
     >>> from kinetics.rates import ClassRate, ClassRates
@@ -37,7 +37,7 @@ class ClassRate(MeasuredRate):
     exposure_by_shape: tuple[float, ...] | None = None
 
     def exposure_at(self, breaks: BreakTerms, points: Floats, name: str) -> Floats | None:
-        """Exposure (G,) at shapes (G, S) of the break model; None where it does not depend on them.
+        """Exposure (G,) at shapes (G, S) of the break model; None if it does not depend on them.
 
         ValueError: it is known at the points of the shape's posterior alone, and another shape is asked for.
         """

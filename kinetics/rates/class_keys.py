@@ -15,6 +15,8 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kinetics.support.config import read_toml
+
 if TYPE_CHECKING:
     from kinetics.assembly import RateClass
 
@@ -87,7 +89,5 @@ def are_by_class(name_or_path: str | Path) -> bool:
     ...     print(are_by_class(f"{folder}/classes.toml"), are_by_class("table3"))
     True False
     """
-    from kinetics.support.config import read_toml
-
     path = Path(name_or_path)
     return path.suffix == ".toml" and path.is_file() and "classes" in read_toml(path)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.support.arrays import Floats, whole_number
-from kinetics.support.extras import extra
+from kinetics.support.packages import extra
 
 
 class DrawnPosterior(Protocol):
@@ -45,7 +45,7 @@ def inference_data(posterior: DrawnPosterior, draws: int = 1000, chains: int = 4
     """Independent draws of rates and shape parameters, and the evidence, as `arviz.InferenceData`.
 
     posterior : group `posterior`, with `rate` (chain, draw, channel), 1/tu, and each shape parameter (chain, draw);
-        group `constant_data` has `events` and `exposure` (channel), nan where a rate is taken as known
+        group `constant_data` has `events` and `exposure` (channel), nan if a rate is taken as known
     """
     arviz = _arviz()
     n, m = whole_number("draws", draws, 1), whole_number("chains", chains, 1)

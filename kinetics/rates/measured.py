@@ -34,5 +34,5 @@ class MeasuredRate(Settings):
         return None
 
     def exposure_at(self, breaks: BreakTerms, points: Floats, name: str) -> Floats | None:  # noqa: ARG002
-        """Exposure (G,) at shapes (G, S) of the break model; None where it does not depend on them."""
+        """Exposure (G,) at shapes (G, S) of the break model; None if it does not depend on them."""
         return None

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from kinetics.network import Network, Tank
 from kinetics.rates.break_terms import BreakTerms
 from kinetics.rates.breaks import Expansion
+from kinetics.rates.inference import inference_data
 from kinetics.rates.measured import MeasuredRate
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import jeffreys_posterior, posterior_draws
@@ -83,7 +84,7 @@ class RatesPosterior:
         return np.asarray((each / each.sum(axis=1, keepdims=True)).T[:, self.expansion.base_of])
 
     def exposures_at(self, points: Floats) -> list[Floats | None]:
-        """Exposure (G,) of each rate at shapes (G, S); None where it does not depend on them.
+        """Exposure (G,) of each rate at shapes (G, S); None if it does not depend on them.
 
         ValueError: a rate whose exposure is known at the points of the shape's posterior alone, and another shape.
         """
@@ -123,8 +124,6 @@ class RatesPosterior:
 
     def to_arviz(self, draws: int = 1000, chains: int = 4, seed: int = 0) -> Any:
         """Independent draws as ArviZ's `InferenceData`; see `inference_data`."""
-        from kinetics.rates.inference import inference_data
-
         return inference_data(self, draws, chains, seed)
 
     def constants(self, parameters: ArrayLike) -> Floats:

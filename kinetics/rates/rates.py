@@ -23,7 +23,7 @@ SHIPPED = Path(__file__).parent / "tables"
 class Convention(Settings):
     """The formula by which the numbers of a rates file give a propensity, with every factor stated.
 
-    time_unit : that of all times and, inverted, of the rates; "" where it is not stated
+    time_unit : that of all times and, inverted, of the rates; "" if it is not stated
     combinations : of x like reactants: `distinct`, x (x - 1) / 2; `ordered`, x (x - 1); `product`, x x
 
     >>> from kinetics import Convention, Network
@@ -39,7 +39,7 @@ class Convention(Settings):
 
     @classmethod
     def of(cls, network: Network) -> Convention:
-        """How the propensities of `network` are put together."""
+        """The convention by which propensities of `network` count combinations."""
         return validated(cls, {"combinations": network.combinations, "time_unit": network.time_unit}, "the network")
 
 
@@ -50,7 +50,7 @@ class ChannelRate(MeasuredRate):
     exposures : of a break whose model has partners, the exposure to each of them, tu; `exposure` is their sum, weighted
         as the model weights its partners
     prior : of a channel that no run could fire, the group whose mean rate stands in for evidence: the exposure is that
-        in which half an event of such a rate is expected, the events are 0; None where runs are the evidence
+        in which half an event of such a rate is expected, the events are 0; None if runs are the evidence
 
     >>> from kinetics import ChannelRate
     >>> measured = ChannelRate(rate=0.02, low=0.0024, high=0.072, events=2, exposure=100.0, ways=1)
@@ -116,7 +116,7 @@ class Rates(Settings, AppliedRates):
         return {name: self.channels[name] for name in network.channels}, None
 
     def _check(self, network: Network) -> None:
-        """Raise a ValueError where these are the rates of another network."""
+        """Raise a ValueError if these are the rates of another network."""
         missing = [name for name in network.channels if name not in self.channels]
         extra = [name for name in self.channels if name not in network.channel_places]
         if missing or extra:
@@ -140,7 +140,7 @@ class Rates(Settings, AppliedRates):
             )
 
     def _check_exposures(self, network: Network) -> None:
-        """ValueError where the exposures to partners are not those of the break model."""
+        """ValueError if the exposures to partners are not those of the break model."""
         weights = self.breaks.weights(network)
         for name, channel in self.channels.items():
             if channel.exposures is None:

@@ -12,15 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.support.extras import extra
-
-if TYPE_CHECKING:
-    import pandas as pd
+from kinetics.support.packages import pd
 
 EVENT_COLUMNS = ("run", "time", "channel")
 NOTES = ("cube_a", "cube_b", "partner")  # of an event, if they are known: whose bond it was, and who broke it
@@ -52,11 +49,7 @@ class TableRun(NamedTuple):
 
 def event_tables(runs: Iterable[TableRun]) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Tables of the events and of the runs. ValueError: the runs are of two networks, which no one table can hold."""
-    pandas = extra("pandas")
-
-    events = [
-        pandas.DataFrame({"run": pandas.Series(dtype="str"), "time": pandas.Series(dtype="float64"), "channel": ""})
-    ]
+    events = [pd.DataFrame({"run": pd.Series(dtype="str"), "time": pd.Series(dtype="float64"), "channel": ""})]
     rows = []
     names: tuple[Sequence[str], Sequence[str]] | None = None
     for run in runs:
@@ -67,7 +60,7 @@ def event_tables(runs: Iterable[TableRun]) -> tuple[pd.DataFrame, pd.DataFrame]:
                 "…; a table holds runs of one network: choose those of one rule book"
             )
         happened = np.array([*run.channels, RESTARTED], dtype=object)[np.asarray(run.fired, dtype=int)]  # RESTART = -1
-        events.append(pandas.DataFrame({"run": run.name, "time": run.times, "channel": happened} | dict(run.notes)))
+        events.append(pd.DataFrame({"run": run.name, "time": run.times, "channel": happened} | dict(run.notes)))
         closed = [
             name for name, is_open in zip(run.channels, np.asarray(run.open_channels), strict=True) if not is_open
         ]
@@ -76,6 +69,4 @@ def event_tables(runs: Iterable[TableRun]) -> tuple[pd.DataFrame, pd.DataFrame]:
         rows.append(
             dict(zip(RUN_COLUMNS, facts, strict=True)) | dict(zip(run.species, np.asarray(run.initial), strict=True))
         )
-    return pandas.concat(events[1:] or events, ignore_index=True), pandas.DataFrame(
-        rows, columns=None if rows else RUN_COLUMNS
-    )
+    return pd.concat(events[1:] or events, ignore_index=True), pd.DataFrame(rows, columns=None if rows else RUN_COLUMNS)

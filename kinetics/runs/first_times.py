@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinetics.network import Network
 from kinetics.runs.truncation import Truncation
+from kinetics.support import plots
 from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.datasets import dataframe
 from kinetics.support.intervals import binomial_limits, student_interval
+from kinetics.support.packages import pd, special
 from kinetics.support.shown import ResultTable, Shown, Tabular, facts, on_axes
 from kinetics.support.tables import counted, figure, in_unit
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 LEVEL = 0.95
 
@@ -146,11 +145,10 @@ class FirstTimes(Shown, Tabular):
         if not self._cut_short.size:
             high, low = (1.0 - limit for limit in binomial_limits(np.append(0, np.cumsum(events)), self.runs, level))
             return Survival(times, curve, low, high)
-        from scipy.special import ndtri
 
         with np.errstate(divide="ignore", invalid="ignore"):
             variance = np.append(0.0, np.cumsum(events / (at_risk * (at_risk - events))))
-            spread = np.exp(ndtri((1 + level) / 2) * np.sqrt(variance) / np.log(curve))
+            spread = np.exp(special.ndtri((1 + level) / 2) * np.sqrt(variance) / np.log(curve))
             low, high = curve ** (1 / spread), curve**spread
         is_known = (curve > 0) & (curve < 1)
         return Survival(times, curve, np.where(is_known, low, curve), np.where(is_known, high, curve))
@@ -200,8 +198,6 @@ class FirstTimes(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the survival curve with its pointwise 95 % band; returns `ax`."""
-        from kinetics.support import plots
-
         curve = self.survival()
         last = self.horizon if np.isfinite(self.horizon) and self.censored else curve.times[-1]
         ended = Survival(np.append(curve.times, last), *(np.append(part, part[-1]) for part in curve[1:]))

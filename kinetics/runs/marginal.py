@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.shown import MOST_TIMES, ResultTable, Shown, on_axes
 from kinetics.support.tables import in_unit
@@ -50,8 +51,6 @@ class Marginal(Shown):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Shares with their intervals; returns `ax`."""
-        from kinetics.support import plots
-
         middle = self.first + (self.width - 1) / 2
         spread = [np.maximum(self.share - self.low, 0.0), np.maximum(self.high - self.share, 0.0)]
         ax.errorbar(

@@ -16,9 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinetics.network import Network, Tank
 from kinetics.runs.truncation import Truncation
+from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, integers, read_only, real_number, reals, rising_times
 from kinetics.support.datasets import dataframe, dataset
 from kinetics.support.frozen import set_fields
+from kinetics.support.packages import pd
 from kinetics.support.shown import (
     MOST_TIMES,
     ResultTable,
@@ -32,7 +34,6 @@ from kinetics.support.shown import (
 from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
 MAX_STATES = 2**27  # counts in the table of all states of a path, 1 GB
@@ -224,8 +225,6 @@ class JumpPath(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Counts of every species against time, as steps; returns `ax`."""
-        from kinetics.support import plots
-
         times = np.concatenate([[0.0], self.times, [self.end]])
         return plots.steps(
             ax, times, np.vstack([self.states, self.states[-1:]]), self.network.species, self.network.time_unit
@@ -372,7 +371,5 @@ class Ensemble(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, with bands of the middle 95 % of the runs; returns `ax`."""
-        from kinetics.support import plots
-
         low, high = self.quantile(0.025), self.quantile(0.975)
         return plots.bands(ax, self.times, self.mean(), low, high, self.network.species, self.network.time_unit)

@@ -14,18 +14,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kinetics import kernels
 from kinetics.native import twins
 from kinetics.network import Network
 from kinetics.runs.marginal import Marginal
 from kinetics.runs.truncation import Truncation
+from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, read_only, rising_times
 from kinetics.support.datasets import dataframe_over_times, dataset
 from kinetics.support.intervals import binomial_limits
 from kinetics.support.memory import check_memory
+from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, means_over_time, on_axes, precision_of
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
 # Bins of a histogram, one for each time and species. No power of two: histograms so many bytes apart would push each
@@ -206,8 +208,6 @@ class EnsembleStatistics(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, with bands of the middle 95 % of the runs; returns `ax`."""
-        from kinetics.support import plots
-
         low, high = self.quantile(0.025), self.quantile(0.975)
         return plots.bands(ax, self.times, self.mean(), low, high, self.network.species, self.network.time_unit)
 
@@ -315,11 +315,9 @@ class Tally:
 
     def add_statistics(self, other: EnsembleStatistics) -> None:
         """Add runs whose statistics are known."""
-        from kinetics.kernels import statistics
-
         self.low, self.high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
         self._widen()
-        statistics.pour(other.histogram, other.shift, other.origin, self.histogram, self.shift, self.origin)
+        kernels.statistics.pour(other.histogram, other.shift, other.origin, self.histogram, self.shift, self.origin)
         self.sums += other.sums
         self.products += other.products
         self.runs += other.runs

@@ -48,14 +48,14 @@ class Auto(SamplingMethod):
     most_factors: ClassVar[float] = inf
 
     def choose(self, network: Network, initial: Counts | None = None, until: bool = False) -> SamplingMethod:
-        """The method chosen for this network, from these counts if given; a ValueError where none takes it.
+        """The method chosen for this network, from these counts if given; a ValueError if none takes it.
 
         until : whether runs are to end at a condition
         """
         size = NetworkSize.of(network, None if initial is None else network.state(initial))
         kinds = [kind for kind in EXACT_METHODS if kind.takes_until or not until]
         methods = [kind() for kind in kinds if self.many or not kind.is_for_ensembles]
-        refusals = [method.refusal(network, size) for method in methods]
+        refusals = [method.unsupported_reason(network, size) for method in methods]
         candidates = [method for method, refusal in zip(methods, refusals, strict=True) if not refusal]
         if not candidates:
             raise ValueError(f"no exact method supports this network: {'; '.join(refusals)}")

@@ -29,7 +29,7 @@ class SamplingMethod(ABC):
     To add one:
     1. Write its class in a file of its own, with a `name` for the command line and for tables.
     2. Declare which networks it can sample by the traits below; the base refuses others. For other limits, override
-       `refusal`.
+       `unsupported_reason`.
     3. Give `prepared`: a `Sampler` of a network, by a kernel (see `BufferedSampler`) or in plain Python.
     4. Give `cost` and `start_cost` if `auto` may choose it.
     5. Import it in `kinetics.sampling.exact_methods`. Command line, `auto`, hard cases and contract tests read the
@@ -38,7 +38,7 @@ class SamplingMethod(ABC):
     >>> from kinetics import Network
     >>> from kinetics.sampling import SAMPLING_METHODS
     >>> by_law = Network.from_text("A -> B, 5 * A / (2 + A)")
-    >>> [method.name for method in SAMPLING_METHODS if method().takes(by_law)]
+    >>> [method.name for method in SAMPLING_METHODS if method().supports(by_law)]
     ['general', 'auto']
     """
 
@@ -61,8 +61,8 @@ class SamplingMethod(ABC):
         """Processor time of an event, ns, as measured on long runs; inf keeps `auto` from choosing the method."""
         return inf
 
-    def refusal(self, network: Network, size: NetworkSize | None = None) -> str:
-        """Why the method cannot sample the network; empty if it can. `takes`, `auto` and `sampler` all ask this.
+    def unsupported_reason(self, network: Network, size: NetworkSize | None = None) -> str:
+        """Why the method cannot sample the network; empty if it can. `supports`, `auto` and `sampler` all ask this.
 
         A method with a limit that no trait expresses overrides it, and asks this one first.
         """
@@ -99,13 +99,13 @@ class SamplingMethod(ABC):
         """The method's name in results from this network and these counts; `auto` adds the method that it chose."""
         return self.name
 
-    def takes(self, network: Network) -> bool:
-        """True if the method can sample the network; `refusal` gives the reason if not."""
-        return not self.refusal(network)
+    def supports(self, network: Network) -> bool:
+        """True if the method can sample the network; `unsupported_reason` gives the reason if not."""
+        return not self.unsupported_reason(network)
 
     def sampler(self, network: Network) -> Sampler:
         """A sampler of the network; a ValueError if the method cannot sample it."""
-        refusal = self.refusal(network)
+        refusal = self.unsupported_reason(network)
         if refusal:
             raise ValueError(refusal)
         return self.prepared(network)
@@ -247,7 +247,7 @@ def _horizon(times: ArrayLike) -> float:
 
 
 def check_numbers(runs: int, threads: int | None, first_run: int) -> None:
-    """Raise a ValueError where one of these arguments of `simulate` is no whole number, or too small."""
+    """Raise a ValueError if one of these arguments of `simulate` is no whole number, or too small."""
     whole_number("runs", runs, 1)
     whole_number("first_run", first_run, 0)
     if threads is not None:

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.kernels import outcomes
 from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints
 
 FEWEST_DRAWS, MOST_DRAWS = 256, 16384  # of a call to a kernel
-NO_TIMES, NO_CHANNELS = np.empty(0), np.empty(0, dtype=np.int64)  # where nobody asks for events
+NO_TIMES, NO_CHANNELS = np.empty(0), np.empty(0, dtype=np.int64)  # if no events are asked for
 
 
 class BufferedSampler:
@@ -57,10 +58,8 @@ class BufferedSampler:
         pieces: list[tuple[Floats, Ints]] | None,
     ) -> None:
         """Make a run; draws : buffers of random numbers, which grow; pieces : receives its events."""
-        from kinetics.kernels import streams
-
         stream = np.empty(4, dtype=np.uint64)
-        streams.start_stream(key, run, stream)
+        kernels.streams.start_stream(key, run, stream)
         counts, clock, seen = np.ones(initial.size + 1, dtype=np.int64), np.zeros(3), np.zeros(2, dtype=np.int64)
         counts[:-1] = initial
         workspace = self.begin(counts)
@@ -74,7 +73,7 @@ class BufferedSampler:
             waits, uniforms = draws[0][:n], draws[1][:n]
             if pieces is not None:
                 times, channels = np.empty(n), np.empty(n, dtype=np.int64)
-            streams.draw(stream, waits, uniforms)
+            kernels.streams.draw(stream, waits, uniforms)
             began = perf_counter()
             if needed < grid.size:
                 grid, out = grid[:needed], out[:needed]

@@ -21,7 +21,7 @@ class NetworkSize:
     updated : propensities that an event changes, on average over the channels; those that two changed species share
         count twice
     n_merged : channels once those that change the same are merged, see `merging`
-    leap_events : events of an exact leap from the initial counts; 0 where it does not pay, or counts are not given
+    leap_events : events of an exact leap from the initial counts; 0 if it does not pay, or counts are not given
     """
 
     n_channels: int

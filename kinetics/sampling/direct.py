@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.kernels.ensemble_work import ensemble_work
 from kinetics.kernels.outcomes import REACHED_END, STOPPED, UNFINISHED
 from kinetics.native import twins
@@ -31,8 +32,8 @@ class Direct(SamplingMethod):
 
     An event costs about 25 ns plus 2.1 ns per channel; channels that change the counts alike count as one, see
     `sampling.merging`. Choose it for single runs of networks with up to some tens of channels, where no other exact
-    method here is faster. Where it is cheaper, an event updates only the propensities that it changed, by a dependency
-    graph like that of Gibson & Bruck (2000, doi:10.1021/jp993732q); where none are merged, the runs are the same, to
+    method here is faster. If it is cheaper, an event updates only the propensities that it changed, by a dependency
+    graph like that of Gibson & Bruck (2000, doi:10.1021/jp993732q); if none are merged, the runs are the same, to
     the last bit.
 
     >>> from kinetics import Direct, Network, simulate
@@ -104,11 +105,9 @@ class RecomputingSampler:
 
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
         """Times and channels of all events until `end`."""
-        from kinetics.kernels import members, streams
-
         stream, naming = np.empty(4, dtype=np.uint64), np.empty(4, dtype=np.uint64)
-        streams.start_stream(key, run, stream)
-        members.start_naming(key, run, naming)
+        kernels.streams.start_stream(key, run, stream)
+        kernels.members.start_naming(key, run, naming)
         counts, state, clock = np.append(initial, 1), np.append(initial, 1), np.zeros(3)
         named = self.merging.named(self.constants)
         stop, reached = watch.stop_of(run, 1, self.merging.representatives)
@@ -120,7 +119,7 @@ class RecomputingSampler:
             outcome, n_events = twins.events(
                 self.model, self.changes, counts, clock, end, stream, times, channels, stop
             )
-            members.attribute_channels(named, self.changes, state, channels[:n_events], naming)
+            kernels.members.attribute_channels(named, self.changes, state, channels[:n_events], naming)
             pieces.append((times[:n_events], channels[:n_events]))
             made += n_events
             watch.hear()

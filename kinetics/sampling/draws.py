@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics import kernels
 from kinetics.kernels.ensemble_work import LOOK, ensemble_work
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.network.predicates import Condition
 from kinetics.sampling.auto import Auto
 from kinetics.sampling.base import SamplingMethod, check_numbers, stream_key
@@ -22,7 +23,7 @@ from kinetics.sampling.mass_action import mass_action
 from kinetics.sampling.outlook import Outlook
 from kinetics.sampling.stopping import stop_at
 from kinetics.sampling.watch import MAX_EVENTS, Watch, in_turn
-from kinetics.support.arrays import Counts, Floats, Ints, integers, reals, rising_times, some_times
+from kinetics.support.arrays import Floats, Ints, integers, reals, rising_times, some_times
 from kinetics.support.memory import check_memory
 
 PIECE_BYTES = 2**26  # of all counts of a draw that are there at a time, where only sums of them are asked for
@@ -30,9 +31,8 @@ BATCH = 16  # draws a thread at a time
 
 
 def simulate_posterior(
-    network: Network,
+    model: Model | Network,
     constants: ArrayLike,
-    initial: Counts,
     times: ArrayLike,
     runs: int,
     seed: int = 0,
@@ -45,6 +45,7 @@ def simulate_posterior(
 ) -> Iterator[Ints]:
     """Yield the counts (runs, T, S) at `times` (T,), tu, of runs under each draw of rate constants (D, R), 1/tu.
 
+    model : each run starts from its counts at time 0
     method : sampling method; Auto() by default
     weights : (S, V) whole weights, to get sums of counts (runs, T, V) instead
     watch : lets runs be truncated, which leaves fewer times; without it, a truncated run is a ValueError
@@ -52,14 +53,14 @@ def simulate_posterior(
     Memory holds a few draws a thread at a time. The same seed gives the same runs for any number of threads. Cost:
     some 20 us a draw beyond its runs, by the direct method or in lockstep.
 
-    >>> from kinetics import Network
+    >>> from kinetics import Model, Network
     >>> from kinetics.sampling import simulate_posterior
-    >>> decay = Network.from_text("A -> 0, 1")
-    >>> counts = list(simulate_posterior(decay, [[0.0], [100.0]], {"A": 3}, [1.0], runs=2, seed=1))
+    >>> decay = Model.of(Network.from_text("A -> 0, 1"), {"A": 3})
+    >>> counts = list(simulate_posterior(decay, [[0.0], [100.0]], [1.0], runs=2, seed=1))
     >>> [each[:, 0, 0].tolist() for each in counts]
     [[3, 3], [0, 0]]
     """
-    table, start = _checked(network, constants, initial, runs, first_run)
+    network, start, table = _checked(model, constants, runs, first_run)
     check_numbers(runs, threads, first_run)
     grid = some_times(times).copy()  # which may be written: kernels are compiled for one kind of array
     seen = watch or Watch(grid, Outlook(network.with_rates(table[0])), first_run=first_run)
@@ -101,9 +102,8 @@ def simulate_posterior(
 
 
 def first_times_of_draws(
-    network: Network,
+    model: Model | Network,
     constants: ArrayLike,
-    initial: Counts,
     until: str | Condition,
     end: float,
     runs: int,
@@ -117,14 +117,14 @@ def first_times_of_draws(
     A run in which the condition does not hold by `end` has the time inf. The runs equal those of `simulate_posterior`
     up to that time, at which they stop. A condition that holds at the start is a ValueError.
 
-    >>> from kinetics import Network
+    >>> from kinetics import Model, Network
     >>> from kinetics.sampling import first_times_of_draws
-    >>> decay = Network.from_text("A -> 0, 1")
-    >>> made = first_times_of_draws(decay, [[0.0], [100.0]], {"A": 3}, "A == 0", end=9.0, runs=2)
+    >>> decay = Model.of(Network.from_text("A -> 0, 1"), {"A": 3})
+    >>> made = first_times_of_draws(decay, [[0.0], [100.0]], "A == 0", end=9.0, runs=2)
     >>> [bool(times.max() < 0.5) for times in made]
     [False, True]
     """
-    table, start = _checked(network, constants, initial, runs, first_run)
+    network, start, table = _checked(model, constants, runs, first_run)
     stop, is_there = stop_at(until, network, start)
     if is_there:
         raise ValueError(f"{until} holds at the start")
@@ -132,16 +132,15 @@ def first_times_of_draws(
     made = (method or Auto()).stopping(network)
     outlook = Outlook(network.with_rates(table[0]))
     watch = Watch(grid, outlook, first_run=first_run, until=stop, runs=runs * len(table))
-    counts = simulate_posterior(network, table, start, grid, runs, seed, method=made, first_run=first_run, watch=watch)
+    counts = simulate_posterior(model, table, grid, runs, seed, method=made, first_run=first_run, watch=watch)
     for d, _ in enumerate(counts):
         watch.check()
         yield watch.reached[d * runs : (d + 1) * runs]
 
 
 def exposures_of_draws(
-    network: Network,
+    model: Model | Network,
     constants: ArrayLike,
-    initial: Counts,
     end: float,
     runs: int,
     seed: int = 0,
@@ -155,14 +154,14 @@ def exposures_of_draws(
     larger ones they are other runs of the same distribution. The network must be of mass action, else a ValueError.
     Cost: some 30 ns an event plus 3 ns a channel, and some 15 us a draw, more if channels are merged.
 
-    >>> from kinetics import Network
+    >>> from kinetics import Model, Network
     >>> from kinetics.sampling import exposures_of_draws
-    >>> decay = Network.from_text("A -> 0, 1")
-    >>> ((events, exposures),) = exposures_of_draws(decay, [[0.0]], {"A": 3}, end=2.0, runs=1)
+    >>> decay = Model.of(Network.from_text("A -> 0, 1"), {"A": 3})
+    >>> ((events, exposures),) = exposures_of_draws(decay, [[0.0]], end=2.0, runs=1)
     >>> events.tolist(), exposures.tolist()
     ([[0]], [[6.0]])
     """
-    table, start = _checked(network, constants, initial, runs, first_run)
+    network, start, table = _checked(model, constants, runs, first_run)
     if not network.is_mass_action:
         raise ValueError("the network has rate laws or events; exposures are those of mass action alone")
     horizon = float(rising_times([end])[0])
@@ -170,21 +169,19 @@ def exposures_of_draws(
     ready = RecomputingSampler(with_units)
     key, shape = stream_key(seed), (runs, len(network.channels))
 
-    from kinetics.kernels import exposures
-
     units = mass_action(with_units)
     for d, row in enumerate(table):
-        model, members = ready.merging.model(row), ready.merging.named(row)
+        kernel, members = ready.merging.model(row), ready.merging.named(row)
         seen, watched = np.zeros(shape, dtype=np.int64), np.zeros(shape)
         first = first_run + d * runs
-        work = exposures.ExposureWork(ensemble_work(start.size), np.empty(4, dtype=np.uint64), np.zeros(1))
+        work = kernels.exposures.ExposureWork(ensemble_work(start.size), np.empty(4, dtype=np.uint64), np.zeros(1))
         work.runs.notes[LOOK] = MAX_EVENTS
         watch = Watch(np.array([horizon]), Outlook(network.with_rates(row)), first_run=first, is_path=True)
 
-        def go_on(_: Ints, most: int, these: Any = (model, members, work, first, seen, watched)) -> int:
-            model, members, work, first, *results = these
-            outcome: int = exposures.ensemble(
-                model, members, units, ready.changes, work, start, horizon, key, first, *results, most
+        def go_on(_: Ints, most: int, these: Any = (kernel, members, work, first, seen, watched)) -> int:
+            kernel, members, work, first, *results = these
+            outcome: int = kernels.exposures.ensemble(
+                kernel, members, units, ready.changes, work, start, horizon, key, first, *results, most
             )
             return outcome
 
@@ -192,8 +189,8 @@ def exposures_of_draws(
         yield seen, watched
 
 
-def _checked(network: Network, constants: ArrayLike, initial: Counts, runs: int, first_run: int) -> tuple[Floats, Ints]:
-    """The draws (D, R) and the initial counts (S,)."""
+def _checked(model: Model | Network, constants: ArrayLike, runs: int, first_run: int) -> tuple[Network, Ints, Floats]:
+    """The network, the initial counts (S,), and the draws (D, R)."""
     check_numbers(runs, None, first_run)
-    table = reals("constants", constants, (None, len(network.channels)), minimum=0)
-    return table, network.state(initial)
+    given = Model.of(model)
+    return given.network, given.initial, reals("constants", constants, (None, len(given.network.channels)), minimum=0)

@@ -1,4 +1,4 @@
-"""What runs are forecast to cost before any is made: events on short walks, times the measured cost of an event."""
+"""The forecast cost of runs before any is made: events on short walks, times the measured cost of an event."""
 
 from __future__ import annotations
 

@@ -9,6 +9,7 @@ from typing import ClassVar
 from kinetics.network import Network
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
+from kinetics.sampling.general_sampler import GeneralSampler
 from kinetics.sampling.run_source import Sampler
 
 
@@ -42,6 +43,4 @@ class General(SamplingMethod):
 
     def prepared(self, network: Network) -> Sampler:
         """The network made ready for `kernels.general`."""
-        from kinetics.sampling.general_sampler import GeneralSampler
-
         return GeneralSampler(network)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.kernels import outcomes
 from kinetics.network import Network
 from kinetics.network.laws.graph import Code
@@ -16,9 +17,7 @@ from kinetics.network.propensity import over_factorial, state_text
 from kinetics.sampling.buffered import BufferedSampler
 from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints
-
-if TYPE_CHECKING:
-    from kinetics.kernels import general
+from kinetics.support.packages import sparse
 
 MOST_WAITING = 1000  # delayed events of one run at a time
 
@@ -27,10 +26,9 @@ class GeneralSampler(BufferedSampler):
     """Runs of `kernels.general`; what goes wrong is reported with channel or event, counts and time."""
 
     def __init__(self, network: Network) -> None:
-        from kinetics.kernels.blocks import BLOCK
 
         self.network = network
-        self.n_blocks = -(-len(network.channels) // BLOCK)
+        self.n_blocks = -(-len(network.channels) // kernels.blocks.BLOCK)
         self.events = sorted(network.events, key=lambda event: -event.priority)
         self.model, self.deepest = self._model()
         super().__init__(lambda _: self._begin(), self._advance, np.arange(len(network.channels)))
@@ -44,14 +42,13 @@ class GeneralSampler(BufferedSampler):
             )
         return super().path(initial, end, key, run, watch)
 
-    def _begin(self) -> general.GeneralWork:
-        from kinetics.kernels import general
+    def _begin(self) -> kernels.general.GeneralWork:
 
         n_programs = self.model.programs.starts.size - 1
         n_entries = MOST_WAITING if self.events else 0
         results, lows, highs = np.zeros((3, n_programs))
         sums, caps, upto = np.zeros((3, self.n_blocks))
-        return general.GeneralWork(
+        return kernels.general.GeneralWork(
             results,
             lows,
             highs,
@@ -68,10 +65,9 @@ class GeneralSampler(BufferedSampler):
             np.zeros(3, dtype=np.int64),
         )
 
-    def _advance(self, work: general.GeneralWork, counts: Ints, seen: Ints, clock: Floats, *rest: Any) -> int:
-        from kinetics.kernels import general
+    def _advance(self, work: kernels.general.GeneralWork, counts: Ints, seen: Ints, clock: Floats, *rest: Any) -> int:
 
-        outcome: int = general.advance(self.model, work, counts, seen, clock, *rest)
+        outcome: int = kernels.general.advance(self.model, work, counts, seen, clock, *rest)
         if outcome <= outcomes.OVERFLOW or outcome == outcomes.STOPPED:
             return outcome
         about, state, t = int(work.notes[1]), counts[:-1], float(clock[0])
@@ -111,10 +107,8 @@ class GeneralSampler(BufferedSampler):
             )
         raise ValueError(self.network.channel_laws[channel].refusal(state, t))
 
-    def _model(self) -> tuple[general.GeneralModel, int]:
+    def _model(self) -> tuple[kernels.general.GeneralModel, int]:
         """The network as the kernel reads it, and the deepest stack of its programs."""
-        from kinetics.kernels import general, programs
-
         network = self.network
         places = {name: s for s, name in enumerate(network.species)}
         channels = channel_programs(network)
@@ -123,7 +117,7 @@ class GeneralSampler(BufferedSampler):
         delays = [steps_of(event.waits, places) for event in self.events]
         all_programs = [*channels, *conditions, *new_counts, *delays]
         steps = [step for program in all_programs for step in program]
-        table = programs.Programs(
+        table = kernels.programs.Programs(
             np.array([step.code for step in steps], dtype=np.int32),
             np.array([step.operand for step in steps], dtype=np.int32),
             np.array([step.number for step in steps]),
@@ -137,7 +131,7 @@ class GeneralSampler(BufferedSampler):
         starts, readers = changed_readers(network, [(steady[p], s) for p, s in read])
         timed_programs = [program for program, timed in zip(channels, is_timed, strict=True) if timed]
         change = network.sparse_stoichiometry
-        model = general.GeneralModel(
+        model = kernels.general.GeneralModel(
             table,
             change.starts,
             change.columns,
@@ -204,13 +198,11 @@ def readers_of(programs: list[list[Step]]) -> list[tuple[int, int]]:
 
 def changed_readers(network: Network, read: list[tuple[int, int]]) -> tuple[Ints, Ints]:
     """For each channel, the channels whose propensity its firing changes: where they start, and which they are."""
-    from scipy.sparse import csr_array
-
     change = network.sparse_stoichiometry
-    changes = csr_array((np.ones(change.columns.size), change.columns, change.starts), shape=change.shape)
+    changes = sparse.csr_array((np.ones(change.columns.size), change.columns, change.starts), shape=change.shape)
     owners, species = np.array(read, dtype=np.int64).reshape(-1, 2).T
-    reads = csr_array((np.ones(owners.size), (species, owners)), shape=(change.shape[1], change.shape[0]))
-    linked = csr_array(changes @ reads)
+    reads = sparse.csr_array((np.ones(owners.size), (species, owners)), shape=(change.shape[1], change.shape[0]))
+    linked = sparse.csr_array(changes @ reads)
     linked.sort_indices()
     return linked.indptr.astype(np.int64), linked.indices.astype(np.int64)
 

@@ -1,4 +1,4 @@
-"""How many events an exact leap from given counts would hold, found without a kernel: `auto` knows costs by it."""
+"""The number of events of an exact leap from given counts, found without a kernel, so that `auto` can use it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ OPEN_EVENTS = 2.0  # of a leap of the best length; from 1 to 4 the cost is the s
 
 
 def events_of_leap(network: Network, initial: Ints) -> float:
-    """Events that a leap from `initial` (S,) is expected to hold; 0 where none pays, or not all are of mass action.
+    """Events that a leap from `initial` (S,) is expected to hold; 0 if none pays, or not all are of mass action.
 
     Leaps are as long as leaves `OPEN_EVENTS` undecided, by the search of `kernels.leap_plan.plan_leap`.
     """

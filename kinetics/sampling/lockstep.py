@@ -31,7 +31,7 @@ FEWEST_RUNS = 8  # in lockstep; fewer cost less one by one
 class Lockstep(SamplingMethod):
     """The direct method (Gillespie 1977, doi:10.1021/j100540a008) for 64 runs at a time, an exact sampling method.
 
-    The runs are those of `Direct`, to the last bit. Where the lanes are full, an event costs about 3 ns plus 0.8 ns per
+    The runs are those of `Direct`, to the last bit. If the lanes are full, an event costs about 3 ns plus 0.8 ns per
     channel; beyond 8 species, 30 ns plus 0.36 ns per channel. Choose it for ensembles of networks with up to about a
     hundred channels. Fewer runs than `FEWEST_RUNS` are made one by one.
 

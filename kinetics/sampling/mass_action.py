@@ -37,7 +37,7 @@ class MassAction(NamedTuple):
 
 
 def order_refusal(network: Network) -> str:
-    """Why a channel has too many like reactants, the first such channel named; empty where none has."""
+    """Why a channel has too many like reactants, the first such channel named; empty if none has."""
     needed = network.sparse_reactants
     is_law = np.array([name in network.laws for name in network.channels], dtype=bool)
     free = ~is_law[needed.rows]
@@ -65,7 +65,7 @@ def order_refusal(network: Network) -> str:
 
 
 def _coefficient(network: Network, r: int) -> float:
-    """Of a channel of like reactants counted as distinct sets."""
+    """The coefficient of a channel: rate constant times multiplicity over the factorials of its reactants' copies."""
     coefficient = float(network.known_rates[r] * network.ways[r])
     for copies in network.sparse_reactants.row(r)[1].tolist():
         coefficient = over_factorial(coefficient, copies, network.channels[r])

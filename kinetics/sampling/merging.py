@@ -8,18 +8,16 @@ z = sum of w_Y x_Y, which all breaks share whose partners have the same weights 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.network import Network
 from kinetics.sampling.mass_action import MassAction, mass_action
 from kinetics.support.arrays import Floats, Ints, read_only
-
-if TYPE_CHECKING:
-    from kinetics.kernels.members import Members
 
 MOST_CHANNELS = 2000  # of a network in which any are merged; among more, an event had better update what it changed
 ALIKE = 1e-14  # relative difference of weights that rounding explains
@@ -76,7 +74,7 @@ def _found_representatives(network: Network) -> Ints:
 
 
 def _used_up(network: Network) -> Ints:
-    """(R,) the first species of which a channel leaves fewer copies; -1 where there is none."""
+    """(R,) the first species of which a channel leaves fewer copies; -1 if there is none."""
     change = network.sparse_stoichiometry
     falls = np.flatnonzero(change.copies < 0)[::-1]
     used = np.full(len(network.channels), -1)
@@ -146,11 +144,11 @@ class Merging:
             np.concatenate(terms),
         )
 
-    def named(self, constants: Floats | None = None) -> Members:
+    def named(self, constants: Floats | None = None) -> kernels.members.Members:
         """The tables by which kernels attribute an event to a channel of the network; `constants` as for `model`."""
-        from kinetics.kernels.members import Members
-
-        return Members(self.spans, self.members, self._coefficients(constants), self._partners, self.laws.less)
+        return kernels.members.Members(
+            self.spans, self.members, self._coefficients(constants), self._partners, self.laws.less
+        )
 
     def _coefficients(self, constants: Floats | None) -> Floats:
         return self.laws.coefficients if constants is None else self.laws.coefficients * constants[self.members]

@@ -72,7 +72,7 @@ def simulate(
         rates, or more counts than memory holds
     TypeError: neither a name nor a sampling method
 
-    The result holds all counts, (runs, T, S). Where these are too many for memory, `simulate_statistics` keeps their
+    The result holds all counts, (runs, T, S). If these are too many for memory, `simulate_statistics` keeps their
     statistics alone.
 
     >>> from kinetics import Network, simulate
@@ -126,7 +126,7 @@ def path_method(network: Network) -> SamplingMethod:
     refusals = []
     for kind in EXACT_METHODS:
         method = kind()
-        refusal = method.refusal(network)
+        refusal = method.unsupported_reason(network)
         if not refusal:
             return method
         refusals.append(refusal)

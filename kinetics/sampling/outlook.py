@@ -7,6 +7,7 @@ import numpy as np
 from kinetics.network import Network
 from kinetics.sampling.mass_action import mass_action
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.packages import integrate, sparse
 
 MOST_SPECIES = 300  # whose equations are integrated; their Jacobian takes as many evaluations of the propensities
 MOST_TERMS = 400  # factors of propensities that are multiplied as plain numbers; arrays begin to pay beyond
@@ -31,7 +32,7 @@ class Outlook:
             self.terms = list(zip(self.coefficients.tolist(), map(list, factors), strict=True))
 
     def total(self, counts: Ints, time: float) -> float:
-        """Sum of the propensities at counts (S,), 1/tu; inf or nan where it is beyond double."""
+        """Sum of the propensities at counts (S,), 1/tu; inf or nan if it is beyond double."""
         if self.terms is None:
             return float(self.rates(counts[None].astype(float), time).sum())
         copies, total = [*map(float, counts.tolist()), 1.0], 0.0
@@ -42,18 +43,18 @@ class Outlook:
         return total
 
     def rates(self, counts: Floats, time: float) -> Floats:
-        """Propensities (n, R) at counts (n, S), 1/tu; inf or nan where they are beyond double."""
+        """Propensities (n, R) at counts (n, S), 1/tu; inf or nan if they are beyond double."""
         from kinetics.network.laws.program import evaluate
 
         padded = np.column_stack([counts, np.ones(len(counts))])
         with np.errstate(all="ignore"):
             found: Floats = self.coefficients * np.maximum(padded[:, self.species] - self.taken, 0.0).prod(axis=2)
             for r, program in self.laws:
-                found[:, r] = self.network.ways[r] * self.network.known_rates[r] * evaluate(program, counts, time)  # type: ignore[arg-type]
+                found[:, r] = self.network.ways[r] * self.network.known_rates[r] * evaluate(program, counts, time)
         return found
 
     def largest(self, counts: Ints, time: float) -> tuple[str, float]:
-        """The channel with the largest propensity at counts (S,), and that; "" where there is no channel."""
+        """The channel with the largest propensity at counts (S,), and that; "" if there is no channel."""
         if not self.network.channels:
             return "", 0.0
         rates = np.nan_to_num(self.rates(counts[None].astype(float), time)[0], nan=np.inf, posinf=np.inf)
@@ -66,11 +67,9 @@ class Outlook:
         """
         if counts.size > MOST_SPECIES or self.network.events:
             return np.nan
-        from scipy.integrate import BDF
-        from scipy.sparse import csr_array
 
         table = self.network.sparse_stoichiometry
-        gains = csr_array((table.copies.astype(float), table.columns, table.starts), shape=table.shape).T
+        gains = sparse.csr_array((table.copies.astype(float), table.columns, table.starts), shape=table.shape).T
         rate = scale = float(self.rates(counts[None].astype(float), time).sum())
         if not 0.0 < scale < np.inf:
             return np.inf if scale > 0.0 else np.nan
@@ -82,7 +81,7 @@ class Outlook:
         with np.errstate(all="ignore"):
             try:
                 span = (end - time) * scale
-                solver = BDF(slope, 0.0, counts.astype(float), span, rtol=ACCURACY, atol=ACCURACY)
+                solver = integrate.BDF(slope, 0.0, counts.astype(float), span, rtol=ACCURACY, atol=ACCURACY)
                 for step in range(MOST_STEPS):
                     begin, before = solver.t, rate
                     solver.step()

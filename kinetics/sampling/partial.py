@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from kinetics import kernels
 from kinetics.network import Network
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.buffered import BufferedSampler
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.mass_action import mass_action
 from kinetics.support.arrays import Ints
-
-if TYPE_CHECKING:
-    from kinetics.kernels import partial
 
 
 @dataclass(frozen=True)
@@ -45,33 +43,29 @@ class PartialPropensities(SamplingMethod):
 
     def prepared(self, network: Network) -> BufferedSampler:
         """The network made ready for `kernels.partial`."""
-        from kinetics.kernels import blocks, partial
-
         model, order = model_of(network)
         n_species, width = model.couplings.shape
 
-        def begin(counts: Ints) -> partial.PartialWork:
+        def begin(counts: Ints) -> kernels.partial.PartialWork:
             copies = np.zeros(2 * width)
             copies[: n_species + 1] = counts[model.species]
             copies[width:] = np.where(copies[:width] >= 2, copies[:width] - model.less, 0.0)
-            work = partial.PartialWork(
+            work = kernels.partial.PartialWork(
                 copies,
                 np.empty(width),
                 np.empty(width),
-                np.empty(width // blocks.BLOCK),
-                np.empty(width // blocks.BLOCK**2),
+                np.empty(width // kernels.blocks.BLOCK),
+                np.empty(width // kernels.blocks.BLOCK**2),
                 np.zeros(1, dtype=np.int64),
             )
-            partial.refresh(model, work)
+            kernels.partial.refresh(model, work)
             return work
 
-        return BufferedSampler(begin, lambda work, *rest: partial.advance(model, work, *rest), order)
+        return BufferedSampler(begin, lambda work, *rest: kernels.partial.advance(model, work, *rest), order)
 
 
-def model_of(network: Network) -> tuple[partial.PartialModel, Ints]:
+def model_of(network: Network) -> tuple[kernels.partial.PartialModel, Ints]:
     """The tables that `kernels.partial` reads, and the network's channels (R,) in the order of the kernel."""
-    from kinetics.kernels import blocks, partial
-
     needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels, n_species = needed.shape
     laws = mass_action(network)
@@ -86,7 +80,7 @@ def model_of(network: Network) -> tuple[partial.PartialModel, Ints]:
     owner = np.minimum(number[first[:, 0]], number[second[:, 0]])
     partner = np.maximum(number[first[:, 0]], number[second[:, 0]])
 
-    width = -(-(n_species + 1) // blocks.BLOCK**2) * blocks.BLOCK**2
+    width = -(-(n_species + 1) // kernels.blocks.BLOCK**2) * kernels.blocks.BLOCK**2
     couplings = np.zeros((n_species, width))
     np.add.at(couplings, (partner[is_pair], owner[is_pair]), coefficients[is_pair])
     is_coupled = couplings != 0
@@ -98,7 +92,7 @@ def model_of(network: Network) -> tuple[partial.PartialModel, Ints]:
 
     order = np.argsort(owner, kind="stable")
     changed_by, entries = change.entries_of(order)
-    return partial.PartialModel(
+    return kernels.partial.PartialModel(
         couplings,
         reach,
         np.bincount(owner[is_alone], coefficients[is_alone], width).astype(float),  # of none, whole numbers

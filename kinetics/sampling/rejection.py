@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.network import Network
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.sampling.base import SamplingMethod
@@ -15,9 +16,6 @@ from kinetics.sampling.buffered import BufferedSampler
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.mass_action import MassAction, mass_action
 from kinetics.support.arrays import Ints
-
-if TYPE_CHECKING:
-    from kinetics.kernels import rejection
 
 LARGEST_GROUP = 16  # channels; a longer walk through a group costs more than another group
 MOST_GROUPS = 2**20  # of 4 units of its octave at most, so that the masses add up exactly over all octaves in a double
@@ -52,9 +50,9 @@ class CompositionRejection(SamplingMethod):
         few, more = min(size.updated, 14.0), max(size.updated - 14.0, 0.0)
         return 52.0 + 3.5 * few + 1.2 * more + 0.001 * size.n_channels
 
-    def refusal(self, network: Network, size: NetworkSize | None = None) -> str:
+    def unsupported_reason(self, network: Network, size: NetworkSize | None = None) -> str:
         """Why the method does not take the network; there is a limit to the groups of channels, too."""
-        refusal = super().refusal(network, size)
+        refusal = super().unsupported_reason(network, size)
         if refusal or len(network.channels) <= MOST_GROUPS:  # no more groups than channels
             return refusal
         owner, _ = _owners(network, mass_action(network))
@@ -68,33 +66,29 @@ class CompositionRejection(SamplingMethod):
 
     def prepared(self, network: Network) -> BufferedSampler:
         """The network made ready for `kernels.rejection`."""
-        from kinetics.kernels import rejection
-
         model, order = model_of(network)
         n_groups = model.groups.size
 
-        def begin(counts: Ints) -> rejection.RejectionWork:
-            work = rejection.RejectionWork(
-                model.groups.view(np.uint8).copy().view(rejection.GROUP),  # as bytes: ten times as quick
+        def begin(counts: Ints) -> kernels.rejection.RejectionWork:
+            work = kernels.rejection.RejectionWork(
+                model.groups.view(np.uint8).copy().view(kernels.rejection.GROUP),  # as bytes: ten times as quick
                 np.empty(n_groups, dtype=np.uint32),
-                np.empty(rejection.N_BINS * n_groups, dtype=np.uint32),
-                np.empty(rejection.N_BINS, dtype=np.int64),
-                np.empty(rejection.N_BINS),
-                np.empty(rejection.N_BINS),
-                np.empty(rejection.N_BINS),
+                np.empty(kernels.rejection.N_BINS * n_groups, dtype=np.uint32),
+                np.empty(kernels.rejection.N_BINS, dtype=np.int64),
+                np.empty(kernels.rejection.N_BINS),
+                np.empty(kernels.rejection.N_BINS),
+                np.empty(kernels.rejection.N_BINS),
                 np.empty(3, dtype=np.int64),
                 np.empty(1),
             )
-            rejection.start(model, work, counts)
+            kernels.rejection.start(model, work, counts)
             return work
 
-        return BufferedSampler(begin, lambda work, *rest: rejection.advance(model, work, *rest), order)
+        return BufferedSampler(begin, lambda work, *rest: kernels.rejection.advance(model, work, *rest), order)
 
 
-def model_of(network: Network) -> tuple[rejection.RejectionModel, Ints]:
+def model_of(network: Network) -> tuple[kernels.rejection.RejectionModel, Ints]:
     """The tables that `kernels.rejection` reads, and the network's channels (R,) in the order of the kernel."""
-    from kinetics.kernels import rejection
-
     laws = mass_action(network)
     needed, change = network.sparse_reactants, network.sparse_stoichiometry
     n_channels, n_species = needed.shape
@@ -107,12 +101,14 @@ def model_of(network: Network) -> tuple[rejection.RejectionModel, Ints]:
     starts = np.append(np.flatnonzero(place % LARGEST_GROUP == 0), n_channels)
     group = np.empty(n_channels, dtype=np.int64)
     group[order] = np.repeat(np.arange(starts.size - 1), np.diff(starts))
-    groups = np.zeros(starts.size - 1, dtype=rejection.GROUP)
+    groups = np.zeros(starts.size - 1, dtype=kernels.rejection.GROUP)
     groups["owner"], groups["start"], groups["end"] = owner[order][starts[:-1]], starts[:-1], starts[1:]
     groups["like"] = np.bincount(group[is_like], laws.coefficients[is_like], groups.size)
 
-    kind = np.where(laws.is_general, rejection.GENERAL, np.where(is_like, rejection.LIKE, rejection.PLAIN))
-    channels = np.zeros(n_channels, dtype=rejection.CHANNEL)
+    kind = np.where(
+        laws.is_general, kernels.rejection.GENERAL, np.where(is_like, kernels.rejection.LIKE, kernels.rejection.PLAIN)
+    )
+    channels = np.zeros(n_channels, dtype=kernels.rejection.CHANNEL)
     channels["coefficient"], channels["partner"] = laws.coefficients[order], (4 * partner + kind)[order]
     changed_by, entries = change.entries_of(order)
 
@@ -129,7 +125,7 @@ def model_of(network: Network) -> tuple[rejection.RejectionModel, Ints]:
     kinds = np.where(readers.copies >= deep, DEEP, SHALLOW)
     species, gained = change.columns[entries], change.copies[entries]
     channels["event"], lists, words = _words(changed_by, species, gained, readers, kinds, n_channels)
-    return rejection.RejectionModel(channels, laws.factors[order], words, lists, groups), order
+    return kernels.rejection.RejectionModel(channels, laws.factors[order], words, lists, groups), order
 
 
 def _owners(network: Network, laws: MassAction) -> tuple[Ints, Ints]:

@@ -57,7 +57,7 @@ class RunSource:
     weights : (S, V) whole weights, for V sums of counts instead of all counts; None for these
     outlook : forecast of the events that a run has before it; None if there is none
     max_events : the most events of a run
-    until : the condition at which runs end; None where there is none
+    until : the condition at which runs end; None if there is none
     ends_at_once : whether it holds at the start
     """
 

@@ -51,7 +51,7 @@ def _table(condition: Condition, network: Network) -> Stop:
 
 
 class _Comparison(NamedTuple):
-    """One comparison: whole weights by species, between which their sum is to be, and what comes next."""
+    """One comparison: whole weights by species, the range for their sum, and the places to go on at."""
 
     weights: dict[int, int]
     low: float
@@ -61,7 +61,7 @@ class _Comparison(NamedTuple):
 
 
 def _compared(formula: Sequence[Node], names: Mapping[str, dict[int, int]]) -> list[_Comparison] | None:
-    """Comparisons in the order of the text; None where one is not of sums of counts.
+    """Comparisons in the order of the text; None if one is not of sums of counts.
 
     Each leads on as in an evaluation that ends where it is decided: the left part of an `and` to the right one if it
     holds, and beyond both if it does not.
@@ -92,7 +92,7 @@ def _compared(formula: Sequence[Node], names: Mapping[str, dict[int, int]]) -> l
 
 
 def _row(code: Code, sum_: Sum, names: Mapping[str, dict[int, int]], yes: int, no: int) -> _Comparison | None:
-    """The comparison of a sum with 0; None where whole weights would be too large."""
+    """The comparison of a sum with 0; None if whole weights would be too large."""
     weights: dict[int, Fraction] = {}
     for name, weight in sum_.items():
         for s, many in names[name].items() if name else ():
@@ -110,7 +110,7 @@ def _row(code: Code, sum_: Sum, names: Mapping[str, dict[int, int]], yes: int, n
 
 
 def _sums(formula: Sequence[Node]) -> list[Sum | None]:
-    """Each node as a sum of counts with weights, and a number; None where it is none."""
+    """Each node as a sum of counts with weights, and a number; None if it is none."""
     found: list[Sum | None] = []
     for code, parts, value in formula:
         made: Sum | None = None

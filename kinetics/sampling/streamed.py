@@ -15,6 +15,7 @@ from kinetics.runs import EnsembleStatistics
 from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling.base import SamplingMethod, check_numbers
 from kinetics.sampling.methods import sampling_method
+from kinetics.sampling.run_source import RunSource
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Counts, some_times
 
@@ -28,14 +29,12 @@ def simulate_statistics(
     seed: int = 0,
     threads: int | None = None,
     *,
-    first_run: int = 0,
     covariances: bool | None = None,
     progress: Callable[[int], None] | None = None,
     max_events: int = MAX_EVENTS,
 ) -> EnsembleStatistics:
     """Statistics of the runs that `simulate` would give; runs are made in blocks and not kept.
 
-    first_run : number of the first run, as in the method's own `simulate`
     covariances : of all pairs of species; by default up to `statistics.MOST_COVARIED` of them
     progress : called with the number of runs done, after each block
     max_events : the most events of a run, see `simulate`
@@ -52,28 +51,25 @@ def simulate_statistics(
     True
     """
     given, sampler = Model.of(model, initial), sampling_method(method)
-    rest = (runs, seed, threads, first_run, covariances, progress, max_events)
-    return streamed(given.network, sampler, given.initial, times, *rest)
+    source = sampler.source(given.network, given.initial, seed, max_events)
+    made = streamed(given.network, source, times, runs, threads, covariances=covariances, progress=progress)
+    return replace(made, method=sampler.name_for(given.network, given.initial))
 
 
 def streamed(
     network: Network,
-    sampler: SamplingMethod,
-    start: Counts,
+    source: RunSource,
     times: ArrayLike,
     runs: int,
-    seed: int,
     threads: int | None,
     first_run: int = 0,
     covariances: bool | None = None,
     progress: Callable[[int], None] | None = None,
-    max_events: int = MAX_EVENTS,
 ) -> EnsembleStatistics:
-    """Statistics of a sampler's runs from `start`; `network` names what it counts, which may be sums."""
+    """Statistics of the runs of a source; `network` names what it counts, which may be sums."""
     grid, n_species = some_times(times), len(network.species)
     check_numbers(runs, threads, first_run)
     tally = Tally(network, grid, kept_pairs(n_species, covariances))
-    source = sampler.source(network, start, seed, max_events)
     watch = source.watch(grid, first_run)
     try:
         for part in source.blocks(grid, first_run, first_run + runs, threads, watch):
@@ -85,7 +81,7 @@ def streamed(
         if not tally.runs:
             raise
     tally.cut(watch.n_times)
-    made = tally.statistics(runs, sampler.name_for(network, start))
+    made = tally.statistics(runs)
     return replace(made, truncated=watch.truncation(made.runs))
 
 

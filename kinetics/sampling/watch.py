@@ -24,7 +24,7 @@ from kinetics.sampling.outlook import Outlook
 from kinetics.support.arrays import Floats, Ints, whole_number
 from kinetics.support.interrupts import was_interrupted
 
-MAX_EVENTS = 10**9  # of a run, where nobody says otherwise
+MAX_EVENTS = 10**9  # of a run, by default
 FIRST_LOOK = 100_000  # events
 MARGIN = 2.0  # times the events allowed, that a forecast must come to
 FIRST_RUNS = 20  # whose share of truncated runs is reported
@@ -39,7 +39,7 @@ REASON = {
 
 
 class CutRun(NamedTuple):
-    """A run that does not come to its end: why, when, its counts (S,) then, its events or those forecast, and how many
+    """A truncated run: why, when, its counts (S,) then, its events or those forecast, and how many
     times of the grid it has passed."""
 
     outcome: int
@@ -53,14 +53,14 @@ class Watch:
     """A watch over the runs of one ensemble, or over one path.
 
     grid : (T,) the times asked for
-    outlook : of the network; None where nothing can be forecast
+    outlook : of the network; None if nothing can be forecast
     first_run : number of the first run
     stops : truncated runs by number, as far as they are known
     complete : by number of the first run of a piece, how many of its runs are done
     is_path : whether all events are needed until the end, so that a truncated run is an error at once
-    until : the condition at which runs end, for kernels with the channels of the network; None where there is none.
+    until : the condition at which runs end, for kernels with the channels of the network; None if there is none.
         Other runs then go on where one is truncated, and no rate equations forecast how many events are to come
-    reached : (runs,) when the condition first held in each run, tu; inf where it has not
+    reached : (runs,) when the condition first held in each run, tu; inf if it has not
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class Watch:
         return self.until.of_channels(channels), self.reached[first_run - self.first_run :][:runs]
 
     def pause(self, began: float) -> None:
-        """Between calls of a kernel: `hear`, and settle how many events the next call makes.
+        """Between calls of a kernel, `hear` Ctrl-C and set how many events the next call makes.
 
         began : when the last call did, by `perf_counter`; the next one is to take a fraction of a second
         """
@@ -129,12 +129,12 @@ class Watch:
         self.hear()
 
     def hear(self) -> None:
-        """KeyboardInterrupt where the runs are to stop."""
+        """KeyboardInterrupt if the runs are to stop."""
         if self.is_stopped.is_set():
             raise KeyboardInterrupt
 
     def look(self, run: int, events: int, time: float, counts: Ints, forecasts: bool = True) -> int:
-        """Events of a run with counts (S,) at which to look again; 0 where it is truncated.
+        """Events of a run with counts (S,) at which to look again; 0 if it is truncated.
 
         forecasts : whether rate equations may be integrated
         """
@@ -216,7 +216,7 @@ def in_turn(
 
     notes, clock, counts (S,) : of the run at hand, see `EnsembleWork`
     go_on(limits, most) : goes on with the runs, see `direct.ensemble`
-    may_forecast : whether rate equations say what a run will cost; None where it is not to be looked at yet
+    may_forecast : whether rate equations say what a run will cost; None if it is not to be looked at yet
     """
     while True:
         began = perf_counter()

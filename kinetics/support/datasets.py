@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinetics.support.arrays import Floats
-from kinetics.support.extras import extra
+from kinetics.support.packages import extra, pd
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
 
-def dataframe(table: Any, columns: Sequence[str] | None = None) -> pd.DataFrame:
+def dataframe(table: Any, columns: list[str] | None = None) -> pd.DataFrame:
     """A DataFrame of columns, name -> values, or of a sequence of rows."""
-    frame: pd.DataFrame = extra("pandas").DataFrame(table, columns=columns)
-    return frame
+    return pd.DataFrame(table, columns=columns)
 
 
 def dataframe_over_times(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import special
 
 
 def exact_limits(
@@ -28,8 +29,6 @@ def exact_limits(
     >>> low.round(4).tolist(), high.round(4).tolist()
     ([0.0, 0.0054], [0.0184, 0.0512])
     """
-    from scipy.special import gammainccinv, gammaincinv
-
     if not 0 < level < 1:
         raise ValueError(f"level = {level}; expected a number between 0 and 1, such as 0.95")
     if fixed not in {"exposure", "events"}:
@@ -38,8 +37,8 @@ def exact_limits(
     if fixed == "events" and (n == 0).any():
         raise ValueError("fixed = 'events' needs at least one event in every channel; use 'exposure'")
     tail = (1 - level) / 2
-    low = np.where(n > 0, gammaincinv(np.where(n > 0, n, 1), tail), 0.0)
-    high = gammainccinv(n + 1 if fixed == "exposure" else n, tail)
+    low = np.where(n > 0, special.gammaincinv(np.where(n > 0, n, 1), tail), 0.0)
+    high = special.gammainccinv(n + 1 if fixed == "exposure" else n, tail)
     is_measured = total > 0
     return (
         np.divide(low, total, out=np.zeros(n.shape), where=is_measured),
@@ -52,15 +51,13 @@ def binomial_limits(hits: ArrayLike, runs: int, level: float = 0.95) -> tuple[Fl
 
     Clopper & Pearson (1934), doi:10.1093/biomet/26.4.404.
     """
-    from scipy.special import betaincinv
-
     if not 0 < level < 1:
         raise ValueError(f"level = {level}; expected a number between 0 and 1, such as 0.95")
     found, tail = np.asarray(hits), (1 - level) / 2
     low, high = np.zeros(found.shape), np.ones(found.shape)
     some, rest = found > 0, found < runs
-    low[some] = betaincinv(found[some], runs - found[some] + 1, tail)
-    high[rest] = betaincinv(found[rest] + 1, runs - found[rest], 1 - tail)
+    low[some] = special.betaincinv(found[some], runs - found[some] + 1, tail)
+    high[rest] = special.betaincinv(found[rest] + 1, runs - found[rest], 1 - tail)
     return low, high
 
 
@@ -92,9 +89,7 @@ def posterior_draws(
 
 def student_quantile(freedom: float, level: float = 0.95) -> float:
     """Half-width, in standard errors, of an interval at `level` by Student's t with so many degrees of freedom."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(freedom, (1 + level) / 2))
+    return float(special.stdtrit(freedom, (1 + level) / 2))
 
 
 def student_interval(values: ArrayLike, level: float = 0.95) -> tuple[Any, Any]:

@@ -6,6 +6,7 @@ from itertools import count
 from typing import Any
 
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import backend_agg, mpl
 
 MOST_LINES = 12  # that a label is moved by
 
@@ -15,14 +16,11 @@ def keep_apart(figure: Any) -> None:
 
     Only those whose place is an offset in points from what they annotate are moved.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.text import Annotation
-
-    labels = [a for a in figure.findobj(Annotation) if a.anncoords == "offset points" and a.get_text().strip()]
+    labels = [a for a in figure.findobj(mpl.text.Annotation) if a.anncoords == "offset points" and a.get_text().strip()]
     if not labels:
         return
     canvas = figure.canvas
-    renderer = FigureCanvasAgg(figure).get_renderer()
+    renderer = backend_agg.FigureCanvasAgg(figure).get_renderer()
     figure.draw_without_rendering()  # which lays it out
     legends = [axes.get_legend() for axes in figure.axes if axes.get_legend()]
     taken = [text.get_window_extent(renderer).extents for legend in legends for text in legend.get_texts()]

@@ -2,31 +2,53 @@
 
 from __future__ import annotations
 
+import ast
 import difflib
 import importlib
-from collections.abc import Callable, Mapping, Sequence
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 
-def lazy_names(
-    package: str, public: Sequence[str], homes: Mapping[str, Sequence[str]]
-) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """`__getattr__` and `__dir__` (PEP 562) of a package whose public names are imported on demand.
 
-    public : `__all__` of the package
-    homes : module -> those of the names that live there
+    Its source declares them once, in the form by which type checkers see that they are public: every `from module
+    import name as name`, below `if TYPE_CHECKING` or made at once. They and its version are its `__all__`.
+    What a package imports of itself are modules.
     """
-    home_of = {name: module for module, names in homes.items() for name in names}
+
+    @cache
+    def homes() -> dict[str, str]:
+        return homes_in(Path(str(sys.modules[package].__file__)).read_text(encoding="utf-8"))
+
+    def public() -> list[str]:
+        return sorted([*homes(), *({"__version__"} & vars(sys.modules[package]).keys())])
 
     def find(name: str) -> Any:
-        if name not in home_of:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}; {_hint(name, package, public)}")
-        return getattr(importlib.import_module(home_of[name]), name)
+        if name == "__all__":
+            return public()
+        if name not in homes():
+            raise AttributeError(f"module {package!r} has no attribute {name!r}; {_hint(name, package, public())}")
+        home = homes()[name]
+        return (
+            importlib.import_module(f"{home}.{name}")
+            if home == package
+            else getattr(importlib.import_module(home), name)
+        )
 
-    return find, lambda: sorted(public)
+    return find, public
 
 
-def _hint(name: str, package: str, public: Sequence[str]) -> str:
+def homes_in(source: str) -> dict[str, str]:
+    """Public name -> the module that it lives in, read off the source of a package."""
+    found = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom)]
+    return {each.name: str(node.module) for node in found for each in node.names if each.name == each.asname}
+
+
+def _hint(name: str, package: str, public: list[str]) -> str:
     """Public names that are spelled nearly so or contain the name, in any case, and where all of them are listed."""
     spelled = {each.lower(): each for each in public}
     sought = name.lower()

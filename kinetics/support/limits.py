@@ -78,7 +78,7 @@ def check_visible(what: str, text: str) -> None:
     >>> check_visible("a.rxn has a name", "A\\u202eB")
     Traceback (most recent call last):
     ...
-    ValueError: a.rxn has a name with the character U+202E, which cannot be seen, after 'A'; write it without
+    ValueError: a.rxn has a name with the invisible character U+202E, after 'A'; write it without
     """
     found = HIDDEN.search(text)
     if found:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from kinetics.support.arrays import Floats
 from kinetics.support.labels import keep_apart
 from kinetics.support.output import write_whole
+from kinetics.support.packages import mpl
 from kinetics.support.tables import in_unit, of_unit
 
 # Okabe & Ito (2008): colour-blind readers can distinguish these
@@ -112,32 +113,26 @@ def save_figure(path: str, draw: Any, size: tuple[float, float], dpi: int = 150)
     size : width and height, inches
     The same drawing gives the same bytes.
     """
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
     kind, undated = Path(path).suffix.lower()[1:], {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-    figure, picture = Figure(figsize=size, layout="constrained"), io.BytesIO()
+    figure, picture = mpl.figure.Figure(figsize=size, layout="constrained"), io.BytesIO()
     draw(figure)
     words_as_they_are(figure)
     keep_apart(figure)
-    with rc_context({"svg.hashsalt": "wellmixed"}):  # else the names within an SVG are random
+    with mpl.rc_context({"svg.hashsalt": "wellmixed"}):  # else the names within an SVG are random
         figure.savefig(picture, format=kind, dpi=dpi, metadata=undated.get(kind))
     write_whole(path, picture.getvalue())
 
 
 def words_as_they_are(figure: Any) -> None:
     """Show a `$` of a name as it is, where Matplotlib would begin a formula; powers of ten at axes remain formulas."""
-    from matplotlib.text import Text
-    from matplotlib.ticker import LogFormatter, ScalarFormatter
-
     numbers = {
         label
         for ax in figure.axes
         for axis in (ax.xaxis, ax.yaxis)
-        if isinstance(axis.get_major_formatter(), LogFormatter | ScalarFormatter)
+        if isinstance(axis.get_major_formatter(), mpl.ticker.LogFormatter | mpl.ticker.ScalarFormatter)
         for label in (*axis.get_ticklabels(which="both"), axis.offsetText)
     }
-    for text in figure.findobj(lambda artist: isinstance(artist, Text) and artist not in numbers):
+    for text in figure.findobj(lambda artist: isinstance(artist, mpl.text.Text) and artist not in numbers):
         text.set_parse_math(False)
 
 

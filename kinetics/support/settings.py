@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from difflib import get_close_matches
 from functools import cache
 from itertools import repeat
 from pathlib import Path
@@ -183,8 +184,6 @@ def _faults_of_table(kinds: Sequence[Any], value: dict[str, Any], place: str) ->
     faults = [fault for n, each in known.items() if n in value for fault in _faults(each.type, value[n], _at(place, n))]
     faults += [f"'{_at(place, n)}' is missing" for n, each in known.items() if each.required and n not in value]
     if kind.__struct_config__.forbid_unknown_fields:
-        from difflib import get_close_matches  # here, if something is wrong
-
         allowed = sorted({*known, *([tag_field] if tag_field else [])})
         for name in (str(name)[:80] for name in value if name not in allowed):
             close = get_close_matches(name, allowed, n=1)

@@ -8,17 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.support.extras import extra
 from kinetics.support.output import write_whole
+from kinetics.support.packages import extra, pd, plt
 from kinetics.support.tables import of_unit, text_table, with_spread
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MOST_TIMES = 11  # rows of a table for people
 
@@ -131,9 +128,6 @@ def on_axes(draw: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(draw)
     def plot(self: Any, ax: Any = None, *settings: Any, **named: Any) -> Any:
         if ax is None:
-            extra("matplotlib")
-            import matplotlib.pyplot as plt
-
             _, ax = plt.subplots(layout="constrained")
         return draw(self, ax, *settings, **named)
 

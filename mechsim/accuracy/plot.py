@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from kinetics.support.packages import mpl
 from kinetics.support.plots import colour
 from mechsim.accuracy.diagram import Accuracy, SettingResult
 from mechsim.accuracy.quantities import BY_NAME
@@ -46,8 +47,6 @@ def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
     A whisker that leaves the panel below holds an error of zero. Crosses: stopped by the guard, at their cost; their
     height says nothing.
     """
-    from matplotlib.ticker import LogLocator
-
     ground = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}  # labels stay readable on whiskers
 
     floor = accuracy.floor.get(name)
@@ -84,7 +83,7 @@ def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
         ax.axhline(floor, color="0.4", ls="--", lw=0.9, label="sampling floor")
     ax.axvline(accuracy.reference.cost, color="0.7", ls=":", lw=0.9, label="cost of the reference")
     ax.set(xscale="log", yscale="log", ylim=(min(LOWEST, floor or LOWEST) / 2, TOP), xlabel="CPU time (s/tu)")
-    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    ax.xaxis.set_major_locator(mpl.ticker.LogLocator(subs=(1, 2, 5)))
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter("")
     ax.set_ylabel(f"|error| of {BY_NAME[name].title}")
@@ -94,8 +93,6 @@ def errors(ax: Any, accuracy: Accuracy, name: str) -> Any:
 def sensitivity(ax: Any, accuracy: Accuracy) -> Any:
     """Ratio of each quantity, where a setting of the model is another, to the scene's, with 95 % intervals; returns
     `ax`."""
-    from matplotlib.ticker import LogLocator
-
     points: Sequence[SettingResult] = accuracy.model
     rows = np.arange(len(points))[::-1]
     for row in rows[::2]:
@@ -114,7 +111,7 @@ def sensitivity(ax: Any, accuracy: Accuracy) -> Any:
     ax.set(xscale="log", ylim=(-0.5, len(points) - 0.5))
     low, high = ax.get_xlim()
     ax.set_xlim(min(low, 0.5), max(high, 2.0))  # room for ticks where hardly anything depends on a setting
-    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    ax.xaxis.set_major_locator(mpl.ticker.LogLocator(subs=(1, 2, 5)))
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter("")
     ax.set_yticks(rows, [f"{point.setting.curve}: {point.setting.label}" for point in points], fontsize=8)

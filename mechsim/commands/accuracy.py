@@ -11,7 +11,11 @@ from kinetics.support.cli.declared import POSITIVE, count_option, default_option
 from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
 from kinetics.support.output import write_whole
+from kinetics.support.packages import pd
+from kinetics.support.plots import save
 from mechsim.commands.options import executor_options, progress_option, runs_option
+from mechsim.runs.store import RunStore
+from mechsim.scene import Scene
 
 if TYPE_CHECKING:
     from mechsim.runs.executors import Executor
@@ -66,9 +70,8 @@ def mechanics(
     reuses stored runs and continues where the budget ended. Exit code 4: some trials were given up.
     """
     from mechsim.accuracy.measuring import measure
+    from mechsim.accuracy.plot import draw
     from mechsim.accuracy.preset import choose
-    from mechsim.runs.store import RunStore
-    from mechsim.scene import Scene
 
     measured = measure(
         Scene.load(scene),
@@ -83,13 +86,8 @@ def mechanics(
         tell=lambda text: click.echo(text, err=as_json),
     )
     for csv_file in csv_files:
-        import pandas as pd
-
         write_whole(csv_file, pd.DataFrame(measured.rows()).to_csv(index=False, float_format="%.6g"))
     for plot_file in plot_files:
-        from kinetics.support.plots import save
-        from mechsim.accuracy.plot import draw
-
         save(plot_file, lambda ax: draw(measured, ax.figure), size=(5 * max(2, len(measured.means)), 8))
     if as_json:
         echo_json(measured.as_dict())

@@ -5,7 +5,8 @@ from __future__ import annotations
 import click
 
 from kinetics.support.cli.options import echo_json, json_option
-from kinetics.support.extras import require
+from kinetics.support.packages import require
+from mechsim.runs.store import RunStore
 
 
 @click.command()
@@ -30,8 +31,6 @@ def export(folder: str, out: str, formats: tuple[str, ...], rules: str | None, a
     docs/observed_events.md. The third has a row for every run: its inputs, outcome and cost. The command draws no
     random numbers.
     """
-    from mechsim.runs.store import RunStore
-
     for package in ("pandas", "pyarrow") if "parquet" in formats else ("pandas",):
         require(package)
     written = RunStore.found(folder).export(out, formats, rules)

@@ -13,6 +13,12 @@ from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import echo_json, json_option, seed_option
 from mechsim.commands.options import run_options
+from mechsim.runs.ensemble import run_all
+from mechsim.runs.preflight import check_starts
+from mechsim.runs.store import RunStore
+from mechsim.studies.cost import predict, trial
+from mechsim.studies.study import Study
+from mechsim.studies.summary import summarise
 
 if TYPE_CHECKING:
     from mechsim.commands.options import ShardWork
@@ -62,13 +68,6 @@ def first_times(
     the runs that are missing. After Ctrl-C, --collect summarises the runs made so far. Exit code 4: some runs were
     stopped by the guard or given up.
     """
-    from mechsim.runs.ensemble import run_all
-    from mechsim.runs.preflight import check_starts
-    from mechsim.runs.store import RunStore
-    from mechsim.studies.cost import predict, trial
-    from mechsim.studies.study import Study
-    from mechsim.studies.summary import summarise
-
     if cost_only and collect:
         raise ValueError(
             "give either --cost-only or --collect: the first predicts the cost, the second summarises stored runs"

@@ -6,7 +6,10 @@ from pathlib import Path
 
 import click
 
+from kinetics.support.cli.declared import files_option
 from kinetics.support.cli.options import echo_json, json_option, picture_of, write_plots
+from mechsim.inspection.poses import record_at
+from mechsim.runs.store import RunStore
 
 
 @click.command()
@@ -19,13 +22,8 @@ from kinetics.support.cli.options import echo_json, json_option, picture_of, wri
     type=click.FloatRange(min=0, min_open=True),
     help="Threshold at which to extrapolate rates of breaks; may be repeated.  [default: that of the runs]",
 )
-@click.option(
-    "--plot",
-    "plot_files",
-    metavar="FILE",
-    multiple=True,
-    callback=picture_of,
-    help="Draw the tails of loads by struck species; may be repeated.",
+@files_option(
+    "--plot", "plot_files", callback=picture_of, help="Draw the tails of loads by struck species; may be repeated."
 )
 @json_option
 def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot_files: tuple[str, ...], as_json: bool) -> None:
@@ -37,9 +35,7 @@ def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot_files: tupl
     run's own tank; if tanks of different size or number of cubes disagree on a rate of hits, the command says so. Runs
     without a log, or stopped by the guard, are left out. The command draws no random numbers.
     """
-    from mechsim.inspection.poses import record_at
     from mechsim.inspection.tail_extrapolation.report import extrapolate, plot_tails
-    from mechsim.runs.store import RunStore
 
     files = []
     for name in map(Path, runs):

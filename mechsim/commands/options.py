@@ -12,7 +12,11 @@ import click
 from kinetics.support.cli.declared import POSITIVE, default_option
 from kinetics.support.cli.failures import STOPPED, keep_runs
 from kinetics.support.cli.options import echo_json
+from mechsim.runs.ensemble import run_all
 from mechsim.runs.executors import EXECUTORS, Executor
+from mechsim.runs.preflight import check_starts
+from mechsim.runs.shards import Shard, missing
+from mechsim.runs.store import RunStore
 
 if TYPE_CHECKING:
     from mechsim.runs.record import RunSpec
@@ -78,7 +82,6 @@ def run_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def chosen(*args: Any, shard: str | None, missing: bool, **values: Any) -> None:
-        from mechsim.runs.shards import Shard
 
         part = ShardWork(Shard.parse(shard) if shard else Shard(1, 1), missing) if shard or missing else None
         command(*args, part=part, **values)
@@ -108,7 +111,6 @@ class ShardWork:
             click.get_current_context().exit(STOPPED)
 
     def _list(self, mine: list[RunSpec], folder: str, as_json: bool) -> bool:
-        from mechsim.runs.shards import missing
 
         lacking = missing(mine, folder)
         if as_json:
@@ -121,9 +123,6 @@ class ShardWork:
         return not lacking
 
     def _run(self, mine: list[RunSpec], folder: str, workers: Executor, progress: bool | None, as_json: bool) -> bool:
-        from mechsim.runs.ensemble import run_all
-        from mechsim.runs.preflight import check_starts
-        from mechsim.runs.store import RunStore
 
         check_starts(mine)
         outcome = run_all(mine, RunStore(folder), workers=workers, progress=progress)

@@ -10,8 +10,9 @@ import click
 from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import PICTURES, echo_json, in_a_folder, json_option
 from kinetics.support.cli.progress import progress_line
-from kinetics.support.extras import require
+from kinetics.support.packages import require
 from mechsim.commands.options import progress_option, runs_option
+from mechsim.inspection.poses import Poses, record_at
 
 if TYPE_CHECKING:
     from mechsim.inspection.pictures.tank import Paint
@@ -61,8 +62,6 @@ def render(
 
     RUN is a .run file, or the beginning of a key in the runs folder. The run must have been made with --poses.
     """
-    from mechsim.inspection.poses import Poses, record_at
-
     poses = Poses.of(record_at(run, runs_folder))
     kind = Path(out).suffix.lower()
     shown = poses.spread(frames or MOST.get(kind, 5)).tolist()

@@ -6,23 +6,17 @@ from pathlib import Path
 
 import click
 
-from kinetics.support.cli.declared import count_option
+from kinetics.support.cli.declared import count_option, files_option
 from kinetics.support.cli.failures import DIFFERENT
 from kinetics.support.cli.options import echo_json, json_option, picture_of
+from kinetics.support.plots import save
 
 
 @click.command()
 @click.argument("file", type=click.Path(exists=True, dir_okay=False))
 @count_option("--last", default=40, help="Number of last steps to look at.")
 @click.option("--poses", metavar="FILE", help="Write the poses and motions of all cubes in these steps (.npz).")
-@click.option(
-    "--picture",
-    "pictures",
-    metavar="FILE",
-    multiple=True,
-    callback=picture_of,
-    help="Draw the tank at the end; may be repeated.",
-)
+@files_option("--picture", "pictures", callback=picture_of, help="Draw the tank at the end; may be repeated.")
 @json_option
 def replay(file: str, last: int, poses: str | None, pictures: tuple[str, ...], as_json: bool) -> None:
     """Replay the run in FILE (KEY.run of a runs folder) and look at its last steps.
@@ -38,7 +32,6 @@ def replay(file: str, last: int, poses: str | None, pictures: tuple[str, ...], a
     if poses is not None:
         again.save(poses)
     for picture in pictures:
-        from kinetics.support.plots import save
         from mechsim.inspection.pictures.tank import draw_tank
 
         save(picture, lambda ax: draw_tank(again.record, ax))

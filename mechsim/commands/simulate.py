@@ -7,11 +7,19 @@ from typing import TYPE_CHECKING
 import click
 
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.declared import count_option, default_option
+from kinetics.support.cli.declared import count_option, default_option, files_option
 from kinetics.support.cli.failures import STOPPED
 from kinetics.support.cli.options import counts_of, echo_json, json_option, picture_of, plot_option, seed_option
 from kinetics.support.cli.study_folder import RUNS, SCENE, is_filled, or_study_folder, start_of
+from kinetics.support.plots import save
 from mechsim.commands.options import run_options
+from mechsim.inspection.summary import plot_counts, row, table
+from mechsim.runs.ensemble import run_all
+from mechsim.runs.preflight import check_starts
+from mechsim.runs.record import RunSpec, book_of
+from mechsim.runs.species import single_cubes, species_of
+from mechsim.runs.store import RunStore
+from mechsim.scene import Scene
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation
@@ -42,19 +50,15 @@ if TYPE_CHECKING:
     type=float,
     help="Interval at which the poses of all cubes are recorded, tu.  [default: never]",
 )
-@click.option(
+@files_option(
     "--picture",
     "pictures",
-    metavar="FILE",
-    multiple=True,
     callback=picture_of,
     help="Draw the tank at the end of the first run, whose poses are then recorded; may be repeated.",
 )
-@click.option(
+@files_option(
     "--growth",
     "growth_files",
-    metavar="FILE",
-    multiple=True,
     callback=picture_of,
     help="Draw how the largest structure of the first run grew, each stage with the time at which it formed; may be "
     "repeated.",
@@ -97,14 +101,6 @@ def simulate(
     run is kept in the runs folder under the hash of its inputs, and the same command again makes only those that are
     missing. Exit code 4: some runs were stopped by the guard or given up.
     """
-    from mechsim.inspection.summary import row, table
-    from mechsim.runs.ensemble import run_all
-    from mechsim.runs.preflight import check_starts
-    from mechsim.runs.record import RunSpec, book_of
-    from mechsim.runs.species import species_of
-    from mechsim.runs.store import RunStore
-    from mechsim.scene import Scene
-
     described = Scene.load(scene)
     unknown = [name for name in without if described.effect(name) is None]
     if unknown:
@@ -142,7 +138,6 @@ def simulate(
         return
     outcome = run_all(specs, RunStore(runs_folder), workers=workers, progress=progress)
     for picture in pictures if outcome.records else ():
-        from kinetics.support.plots import save
         from mechsim.inspection.pictures.tank import draw_tank
 
         save(picture, lambda ax: draw_tank(outcome.records[0], ax))
@@ -152,9 +147,6 @@ def simulate(
         growth(outcome.records[0]).save(growth_file)
     sound = [record for record in outcome.records if record.completed]
     for plot_file in plot_files if sound else ():
-        from kinetics.support.plots import save
-        from mechsim.inspection.summary import plot_counts
-
         save(plot_file, lambda ax: plot_counts(ax, sound))
     if as_json:
         network = derivation.network
@@ -189,8 +181,6 @@ def simulate(
 
 def _composition(derivation: Derivation, cubes: int | None, initial: str | None) -> dict[str, int]:
     """Composition of the tank at the start."""
-    from mechsim.runs.species import single_cubes
-
     if (cubes is None) == (initial is None):
         raise ValueError("say what the tank holds at the start by either --cubes 60 or --initial monomer=20,dimer=20")
     return single_cubes(derivation, int(cubes or 0)) if initial is None else counts_of(initial)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from kinetics.support.settings import NotNegative, Positive
+from mechsim import kernels
 from mechsim.effects.base import Action, Effect
 from mechsim.effects.faces import CompatibleFaces
 from mechsim.effects.view import ViewOfScene, ViewOfWorld
-from mechsim.kernels.forces import attract
 
 
 class Attraction(Effect, tag="attraction"):
@@ -56,7 +56,7 @@ class _Attracting(Action):
         pairs = self.faces.within_reach()
         if len(pairs):
             b, s, w = self.world.bodies, self.settings, self.world
-            attract(
+            kernels.forces.attract(
                 pairs, b.body, b.centre, b.axes, b.edge, b.position, b.orientation, b.velocity, b.spin,
                 b.mass, b.inertia, s.strength, s.decay, s.reach, w.step_size,
             )  # fmt: skip

@@ -11,11 +11,11 @@ import numpy as np
 
 from kinetics.assembly import Structure
 from kinetics.support.settings import NotNegative, Positive
+from mechsim import kernels
 from mechsim.effects.base import Action, Effect, EventKind
 from mechsim.effects.bridges import Bridges
 from mechsim.effects.hits import Hit
 from mechsim.effects.view import ViewOfScene, ViewOfTouch, ViewOfWorld
-from mechsim.kernels.loads import SLACK, bond_loads, hit_bound
 
 
 def _pull(load: np.ndarray) -> np.ndarray:
@@ -111,7 +111,9 @@ def most_of_a_push(bridges: Bridges, levers: np.ndarray, cubes: np.ndarray, boun
             sizes = np.linalg.norm(loads.reshape(2, 3, 3, -1), ord=2, axis=(1, 2))  # of pull and shear, of the moment
             most = max(most, float((of_pull * sizes[0] + of_moment * sizes[1]).max()))
     farthest = float(np.abs(cubes).sum(axis=1).max()) + 3.0
-    return (1.0 + SLACK) * (most + of_impulse + SLACK * ((of_pull + of_moment) * (2.0 + farthest) + of_impulse))
+    return (1.0 + kernels.loads.SLACK) * (
+        most + of_impulse + kernels.loads.SLACK * ((of_pull + of_moment) * (2.0 + farthest) + of_impulse)
+    )
 
 
 class _Breaking(Action):
@@ -160,7 +162,7 @@ class _Breaking(Action):
         of_pull, of_moment, of_change = BOUNDS[self.settings.criterion]
         total = 0.0
         for touch in touches:
-            total += hit_bound(
+            total += kernels.loads.hit_bound(
                 levers, bridges.sides, cubes, bodies.position, bodies.orientation, slot, touch.place, touch.impulse,
                 1.0 if touch.a == slot else -1.0, bodies.edge, of_pull, of_moment, of_change / bodies.mass[slot],
             )  # fmt: skip
@@ -175,7 +177,9 @@ class _Breaking(Action):
         place = np.array([touch.place for touch in touches])
         impulse = np.array([t.impulse if t.a == slot else [-x for x in t.impulse] for t in touches])
         centre = bodies.centre[list(bodies.members[slot])]
-        bond_loads(bridges.bonds, bridges.sides, centre, place, impulse, bodies.cube_mass, bodies.edge, loads)
+        kernels.loads.bond_loads(
+            bridges.bonds, bridges.sides, centre, place, impulse, bodies.cube_mass, bodies.edge, loads
+        )
         total = impulse.sum(axis=0)
         tear = CRITERIA[self.settings.criterion](loads, math.sqrt(total @ total) / float(bodies.mass[slot]))
         weakest = int(tear.argmax())

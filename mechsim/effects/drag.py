@@ -9,9 +9,9 @@ from msgspec import Meta
 
 from kinetics.assembly import FACE_NORMALS
 from kinetics.support.settings import Positive
+from mechsim import kernels
 from mechsim.effects.base import Action, Effect
 from mechsim.effects.view import ViewOfWorld
-from mechsim.kernels.motion import drag
 
 # Centres of the eight sub-cubes, in half edges from the cube's centre: +-1/2 on each axis.
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
@@ -84,7 +84,7 @@ class _Dragging(Action):
     def before_step(self) -> None:
         b, w = self.world.bodies, self.world
         for _ in range(self.sub_cycles):
-            drag(
+            kernels.motion.drag(
                 b.live, b.first, b.flat, self.points, self.areas, w.fluid,
                 b.orientation, b.velocity, b.spin, b.mass, b.inertia, self.coefficient, w.step_size / self.sub_cycles,
             )  # fmt: skip

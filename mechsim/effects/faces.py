@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from kinetics.assembly import View
+from mechsim import kernels
 from mechsim.effects.view import ViewOfWorld
-from mechsim.kernels.contact import facing_pairs
 
 FINEST = 1 / 64  # what is missed by it at the scene's step: `tests/benchmarks/bench_looks.py`
 
@@ -49,7 +49,7 @@ class FacesWithinReach:
         """Rows (cube, face, cube, face) of the pairs, in a fixed order; valid until the next call."""
         b = self.world.bodies
         while True:
-            count = facing_pairs(
+            count = kernels.contact.facing_pairs(
                 b.body, b.centre, b.axes, self.kind, self.allowed, b.edge, self.distance, self.cosine, self.sideways,
                 b.born, self.looked, self.centre, self.axes, self.finest, self.order,
                 self.is_open, self.found,

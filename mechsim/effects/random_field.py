@@ -9,10 +9,10 @@ import numpy as np
 from msgspec import Meta
 
 from kinetics.support.settings import NotNegative, Positive
+from mechsim import kernels
 from mechsim.effects.base import Effect, FlowSource
 from mechsim.effects.ornstein_uhlenbeck import check_memory
 from mechsim.effects.view import ViewOfScene, ViewOfWorld
-from mechsim.kernels.fluid import flow, renew
 
 
 class RandomField(Effect, tag="random-field"):
@@ -71,10 +71,10 @@ class _Flowing(FlowSource):
 
     def renew(self, chance: float) -> None:
         """Let new modes come for old ones."""
-        renew(self.modes, chance, self.wave_spread, self.push_spread, self.rng)
+        kernels.fluid.renew(self.modes, chance, self.wave_spread, self.push_spread, self.rng)
 
     def before_step(self) -> None:
         w = self.world
         if w.step_count:
             self.renew(self.replaced)
-        flow(w.bodies.centre, w.bodies.axes, w.drag_points, self.modes, self.flow)
+        kernels.fluid.flow(w.bodies.centre, w.bodies.axes, w.drag_points, self.modes, self.flow)

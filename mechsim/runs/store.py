@@ -26,19 +26,17 @@ import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK
 from kinetics.runs.event_tables import NOTES, TableRun, event_tables
 from kinetics.support.output import write_whole
+from kinetics.support.packages import pd
 from mechsim.runs.contents import check_contents, is_trial
 from mechsim.runs.file_locks import lock, set_aside, sync_folder, write_locked
 from mechsim.runs.record import COMPLETED, RunRecord, RunSpec
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FORMAT = 2
 MAGIC = b"wellmixed run\0"
@@ -183,8 +181,6 @@ class RunStore:
         table has a row for every run: inputs, outcome, facts and cost, a nested setting as the column `outer.inner`, a
         list as JSON text. ValueError: the runs are of several rule books.
         """
-        import pandas as pd
-
         settings: list[dict[str, Any]] = []
         completed: list[TableRun] = []
         for manifest, arrays in self.contents():

@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import fdtrc, log_ndtr
-from scipy.stats import binom
 
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import student_interval, student_quantile
+from kinetics.support.packages import special, stats
 
 STEPS = 100  # of Newton's method; the likelihood is concave, and some ten are enough
 
@@ -48,7 +47,7 @@ def median(times: Floats) -> Estimate:
         return Estimate(math.nan, math.nan, math.nan)
     ordered = np.sort(times)
     middle = ordered[n // 2] if n % 2 else 0.5 * (ordered[n // 2 - 1] + ordered[n // 2])
-    rank = int(binom.ppf(0.025, n, 0.5))  # as many below the lower limit: P(fewer below the median) <= 2.5 %
+    rank = int(stats.binom.ppf(0.025, n, 0.5))  # as many below the lower limit: P(fewer below the median) <= 2.5 %
     if rank < 1:
         return Estimate(float(middle), math.nan, math.nan)
     return Estimate(float(middle), float(ordered[rank - 1]), float(ordered[n - rank]))
@@ -98,7 +97,7 @@ def fit_log(times: Floats, design: Floats, cap: float) -> LogFit:
     for _ in range(STEPS):
         z = rows @ at
         # of a censored time, log(1 - Phi(z)) with slope -hazard
-        hazard = np.exp(-0.5 * z**2 - 0.5 * math.log(2 * math.pi) - log_ndtr(-z))
+        hazard = np.exp(-0.5 * z**2 - 0.5 * math.log(2 * math.pi) - special.log_ndtr(-z))
         pull, bend = np.where(seen, z, hazard), np.where(seen, 1.0, hazard * (hazard - z))
         gradient = -rows.T @ pull
         gradient[-1] += seen.sum() / at[-1]
@@ -111,7 +110,7 @@ def fit_log(times: Floats, design: Floats, cap: float) -> LogFit:
             break
     z, theta = rows @ at, at[-1]
     log_likelihood = float(
-        np.sum(np.where(seen, math.log(theta) - 0.5 * math.log(2 * math.pi) - 0.5 * z**2, log_ndtr(-z)))
+        np.sum(np.where(seen, math.log(theta) - 0.5 * math.log(2 * math.pi) - 0.5 * z**2, special.log_ndtr(-z)))
     )
     jacobian = np.column_stack([np.eye(width) / theta, -at[:-1] / theta**2])
     freedom = int(seen.sum()) - width
@@ -188,7 +187,7 @@ def _test(smaller: LogFit, larger: LogFit) -> tuple[float, int, int, float]:
     won = max(2 * (larger.log_likelihood - smaller.log_likelihood), 0.0)
     # Without censoring this is the ratio of the sums of squares.
     f = math.expm1(won / seen) * larger.freedom / freedom
-    return f, freedom, larger.freedom, float(fdtrc(freedom, larger.freedom, f))
+    return f, freedom, larger.freedom, float(special.fdtrc(freedom, larger.freedom, f))
 
 
 def _rows(times: Sequence[Floats], design: Floats) -> tuple[Floats, Floats]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import mpl
 from kinetics.support.plots import colour
 
 if TYPE_CHECKING:
@@ -98,20 +99,20 @@ def _box(ax: Axes, times: Floats, cap: float, paper: float, place: float, shade:
 
 def _shades(name: str, firsts: Sequence[float]) -> list[Patch | Line2D]:
     """Shades of the first factor's levels, for the legend."""
-    from matplotlib.patches import Patch
-
-    return [Patch(facecolor=colour(i), alpha=0.35, label=f"{name} {level:g}") for i, level in enumerate(firsts)]
+    return [
+        mpl.patches.Patch(facecolor=colour(i), alpha=0.35, label=f"{name} {level:g}") for i, level in enumerate(firsts)
+    ]
 
 
 def _marks(of_paper: bool, of_cap: bool) -> list[Patch | Line2D]:
     """The marks that were drawn, for the legend."""
-    from matplotlib.lines import Line2D
-
     marks: list[Patch | Line2D] = []
     if of_paper:
-        marks.append(Line2D([], [], marker="x", color=colour(5), linestyle="none", label="paper's median"))
+        marks.append(mpl.lines.Line2D([], [], marker="x", color=colour(5), linestyle="none", label="paper's median"))
     if of_cap:
         marks.append(
-            Line2D([], [], marker="^", color="grey", markerfacecolor="none", linestyle="none", label="none by the cap")
+            mpl.lines.Line2D(
+                [], [], marker="^", color="grey", markerfacecolor="none", linestyle="none", label="none by the cap"
+            )
         )
     return marks

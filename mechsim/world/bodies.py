@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from kinetics.assembly import FACE_NORMALS, ROTATIONS, Placement, Structure
-from mechsim.kernels.motion import place_cubes, rotation_of
+from mechsim import kernels
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class BodyShape:
 
 def matrix_of(quaternion: np.ndarray) -> np.ndarray:
     """Rotation matrix (3, 3) of a unit quaternion (x, y, z, w)."""
-    return np.array(rotation_of(*quaternion)).reshape(3, 3)
+    return np.array(kernels.motion.rotation_of(*quaternion)).reshape(3, 3)
 
 
 def quaternion_of(matrix: np.ndarray) -> np.ndarray:
@@ -152,7 +152,7 @@ class Bodies:
 
     def locate(self) -> None:
         """Bring `centre` and `axes` of all cubes up to date with the poses."""
-        place_cubes(
+        kernels.motion.place_cubes(
             self.live,
             self.first,
             self.flat,

@@ -15,6 +15,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from itertools import count, pairwise
 from math import inf
@@ -132,11 +133,12 @@ def row(number: int) -> Row | None:
     """One question; None where its cost is beyond the budget."""
     asked = question(number)
     _, network, start, times, accuracy = asked
+    within = replace(accuracy, budget=BUDGET)
     words = f"{accuracy.of} {accuracy.in_words}"
     try:
         made, cost = least(
             number,
-            lambda q: predict(q.network, None, start, times, accuracy=accuracy, seed=number, threads=1, budget=BUDGET),
+            lambda q: predict(q.network, None, start, times, accuracy=within, seed=number, threads=1),
         )
     except ValueError as refusal:
         click.echo(f"{number:4} {asked.kind:7} {words:28} refused: {str(refusal)[:60]} ...")

@@ -10,7 +10,7 @@ from synthetic_runs import line_network
 
 from calibration import estimate
 from calibration.estimating.break_fit import fit_breaks, rates_of_fit
-from kinetics.network import Tank
+from kinetics.network import Model, Tank
 from kinetics.predicting import predict
 from kinetics.rates import Rates
 from kinetics.rates.breaks import (
@@ -203,7 +203,7 @@ def test_it_is_fitted_saved_and_predicts(law, tmp_path):
     assert (draws > 0).all()
     initial = [20, 6, 4, 8]
     for tank in (None, OTHER):
-        made = predict(LINE, again, initial, [20.0], runs=2000, draws=20, tank=tank)
+        made = predict(Model(LINE, initial, tank=tank), again, None, [20.0], runs=2000, draws=20)
         true = truth.network(tank or TANK)[1]
         breaks = true.stoichiometry.sum(axis=1) > 0
         halved = true.with_rates(true.known_rates * np.where(breaks, 0.5, 1.0))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kinetics.assembly import RuleBook, derive
-from kinetics.support.extras import EXTRAS
+from kinetics.support.packages import EXTRAS
 from mechsim.inspection.cost_profile import _damping
 from mechsim.runs.ensemble import run_all
 from mechsim.runs.record import RunSpec, execute

@@ -8,10 +8,9 @@ import re
 import threading
 import time
 from contextlib import contextmanager, nullcontext
-from pathlib import Path
 
 import pytest
-from fake_runs import FakeSpec, execute, pids, record_of, specs_of, starts
+from fake_runs import FakeSpec, execute, is_alive, pids, record_of, specs_of, starts, wait_for
 
 from mechsim.runs import ensemble
 from mechsim.runs.ensemble import TRIES, run_all
@@ -39,21 +38,6 @@ def executor(request):
     kind = request.param
     with SERVERS.get(kind.option, nullcontext)() as value:
         yield kind.from_option(value, None)
-
-
-def wait_for(condition):
-    """Until it holds; the limit only ends a broken test."""
-    end = time.monotonic() + 300
-    while not condition():
-        assert time.monotonic() < end, "it never came to that"
-        time.sleep(0.01)
-
-
-def is_alive(pid):
-    try:
-        return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2]
-    except FileNotFoundError:
-        return False
 
 
 @every_executor

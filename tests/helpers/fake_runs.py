@@ -100,6 +100,21 @@ def parents(log: Path) -> list[int]:
     return [int(line.split()[2]) for line in log.read_text().splitlines()] if log.exists() else []
 
 
+def wait_for(condition: Callable[[], bool], seconds: float = 300) -> None:
+    """Until it holds; the limit is only there to end a broken test."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it never came to that"
+        time.sleep(0.01)
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2]
+    except FileNotFoundError:
+        return False
+
+
 def take_the_worker_down() -> None:
     os.kill(multiprocessing.parent_process().pid, signal.SIGKILL)
     time.sleep(600)

@@ -16,12 +16,12 @@ import numpy as np
 
 from calibration.estimating.exposure import Exposure, count
 from calibration.pipeline.plan import PlannedRuns, StudyPlan
-from kinetics.assembly import Derivation, RuleBook, derive
 from kinetics.rates import ClassRate, ClassRates
 from kinetics.runs import NO_BREAK
 from kinetics.support.intervals import exact_limits
 from mechsim.runs.record import RunRecord
 from mechsim.runs.store import RunStore
+from tests.helpers.derived_books import derived
 from tests.results.studies import ROOT, paragraph, table
 
 PAGE = ROOT / "results" / "pyramid45" / "README.md"
@@ -52,12 +52,6 @@ class Contacts(NamedTuple):
         return float(low), float(high)
 
 
-@cache
-def derivation() -> Derivation:
-    """The book's network; it takes seconds."""
-    return derive(RuleBook.load("pyramid45_breaking"))
-
-
 def records(part: PlannedRuns) -> list[RunRecord]:
     """The stored runs of the calibration, or the held-out ones."""
     return list(RunStore(FOLDER / "runs").existing(PLAN.specs(part)))
@@ -65,9 +59,10 @@ def records(part: PlannedRuns) -> list[RunRecord]:
 
 def contacts(runs: list[RunRecord]) -> list[Contacts]:
     """Dockings and exposure by the number of cubes that the place touches."""
-    bonds = [len(structure.bonds) for structure in derivation().structures.values()]
+    book = derived("pyramid45_breaking")
+    bonds = [len(structure.bonds) for structure in book.structures.values()]
     touched = np.array(
-        [bonds[e.after[0]] - sum(bonds[b] for b in e.before) if len(e.before) == 2 else 0 for e in derivation().events]
+        [bonds[e.after[0]] - sum(bonds[b] for b in e.before) if len(e.before) == 2 else 0 for e in book.events]
     )
     whole: Exposure = sum(count(run.path) for run in runs)  # type: ignore[assignment]
     return [

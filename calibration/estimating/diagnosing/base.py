@@ -19,9 +19,9 @@ class DiagnosticResult:
     """The result of one diagnostic for one channel, or for several together.
 
     variant : which of several results, such as `within 2 tu`
-    statistic : by the diagnostic's own definition; nan where it cannot be had
-    p_value : None where the runs cannot answer; `reason` then says why
-    seen : what the runs show, in words with its size
+    statistic : by the diagnostic's own definition; nan if it cannot be had
+    p_value : None if the runs cannot answer; `reason` then says why
+    seen : a sentence on what the runs show, with its size
     remedy : the model to try next, should the test fail
     draw : draws the evidence onto axes
 
@@ -66,7 +66,7 @@ class DiagnosticResult:
         return ax
 
     def row(self) -> dict[str, Any]:
-        """The result as numbers and text, p None where it was not testable."""
+        """The result as numbers and text, p None if it was not testable."""
         return {
             "test": self.test,
             "variant": self.variant,
@@ -88,7 +88,7 @@ class Diagnostic(ABC):
 
     To add a diagnostic:
     1. write a frozen dataclass with a `name` and a `question`, whose docstring states the test and its source;
-    2. give in `results` a `DiagnosticResult` a channel; where runs cannot answer, p None with the reason, never
+    2. give in `results` a `DiagnosticResult` a channel; if runs cannot answer, p None with the reason, never
        p = 1;
     3. say in each which model to try next, and in `measured` the size and power that were measured, and how;
     4. import it in `calibration.estimating.diagnosing`: tests/contracts/test_diagnostics.py then tests it.

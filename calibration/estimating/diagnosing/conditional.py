@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.packages import special
 
 DRAWS = 3000  # a p-value of 0.01 has a standard error of about a seventh of itself
 INFLATIONS = (1.5, 3.0, 8.0, 25.0, 80.0)  # of the variance of counts, under the alternatives that spread them
@@ -62,11 +63,11 @@ class DirichletMultinomial:
 
     def log_ratio(self, counts: Ints) -> Floats:
         """Logarithm (size,) of the ratio of its probability to the null's."""
-        from scipy.special import gammaln
-
         whole = self.alpha.sum()
-        rising = (gammaln(counts + self.alpha) - gammaln(self.alpha)).sum(axis=1)
-        return np.asarray(rising - gammaln(whole + self.n) + gammaln(whole) - counts @ np.log(self.null))
+        rising = (special.gammaln(counts + self.alpha) - special.gammaln(self.alpha)).sum(axis=1)
+        return np.asarray(
+            rising - special.gammaln(whole + self.n) + special.gammaln(whole) - counts @ np.log(self.null)
+        )
 
 
 class Spacings:
@@ -83,9 +84,7 @@ class Spacings:
 
     def log_ratio(self, gaps: Floats) -> Floats:
         """Logarithm (size,) of the ratio of its density to the null's."""
-        from scipy.special import gammaln
-
-        of_shape = gammaln(self.n * self.shape) - self.n * gammaln(self.shape) - gammaln(self.n)
+        of_shape = special.gammaln(self.n * self.shape) - self.n * special.gammaln(self.shape) - special.gammaln(self.n)
         return np.asarray(of_shape + (self.shape - 1) * np.log(gaps).sum(axis=1))
 
 
@@ -114,7 +113,7 @@ def spread_test(
 
     Statistic: squares of seen less expected events, each over the expected number (Pearson), or, not `by_expected`, as
     they are. The mean of (n - kx)^2 is that of kx whatever ends the exposure x, as n - kx is a martingale; that of
-    (n - kx)^2 / kx is above 1 where an event uses up its own reactant, and so ends x early.
+    (n - kx)^2 / kx is above 1 if an event uses up its own reactant, and so ends x early.
 
     Every group needs exposure, there are two or more, and one event at least.
     """
@@ -151,7 +150,7 @@ def trend_test(channels: Sequence[Trended], rng: np.random.Generator) -> tuple[f
     scores = [c / np.sqrt(variance) for c in centred]
 
     def tilted(slope: float) -> Independent:
-        """Of counts whose rates do go as exp(slope * score)."""
+        """A proposal whose rates go as exp(slope * score)."""
         logs = [slope * score for score in scores]
         shifted = [share * np.exp(log - log.max()) for share, log in zip(shares, logs, strict=True)]
         return Independent([Multinomial(*each) for each in zip(sums, shifted, shares, strict=True)])

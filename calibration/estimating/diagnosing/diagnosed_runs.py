@@ -1,4 +1,4 @@
-"""What diagnostics read: runs, and the clock of every channel's hazard under a model of rates."""
+"""The data of diagnostics: runs, and the clock of every channel's hazard under a model of rates."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class DiagnosedRuns:
     """Runs of one network, and the model of rates under which they are judged.
 
     fit : a model fitted to all channels or some, rates as predictions use them, or None for mass action
-    bonds : per run (E, 2), the two cubes whose faces met or parted at each event, -1 where that is not known
+    bonds : per run (E, 2), the two cubes whose faces met or parted at each event, -1 if that is not known
     seed : of the random numbers by which some p-values are computed
     """
 

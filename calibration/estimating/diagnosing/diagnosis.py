@@ -1,4 +1,4 @@
-"""All diagnostics of a set of runs: what fails, in words, and which model to try next."""
+"""All diagnostics of a set of runs: which fail, and which model to try next."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from calibration import plots
 from calibration.estimating.coarse_looks import CoarseLooks
 from calibration.estimating.diagnosing import DIAGNOSTICS
 from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
@@ -31,7 +32,7 @@ class Diagnosis(Shown):
 
     tests : the diagnostics, in order
     results : theirs, in the same order, channel by channel
-    looks : what looks at intervals do to the runs; where they are coarse, that may be all that a failed test sees
+    looks : what looks at intervals do to the runs; if they are coarse, that may be all that a failed test sees
 
     >>> from calibration import diagnose
     >>> from kinetics import Network, sample_path
@@ -47,7 +48,7 @@ class Diagnosis(Shown):
 
     @property
     def headline(self) -> str:
-        """How many answers, and how many of them fail."""
+        """One line: the number of results, and how many fail."""
         return f"{len(self.tested)} of {len(self.results)} answers have a p-value, {len(self.failed)} fail"
 
     def summary(self) -> ResultTable:
@@ -90,7 +91,7 @@ class Diagnosis(Shown):
         return f"{what}: {len(self.failed)} of {tests}, fail ({', '.join(self.doubtful)})."
 
     def verdicts(self) -> list[dict[str, Any]]:
-        """One row a diagnostic: its question, the smallest p, a verdict in words, its measured size and power."""
+        """One row a diagnostic: its question, the smallest p, a verdict, its measured size and power."""
         rows = []
         for test in self.tests:
             mine = [f for f in self.results if f.test == test.name]
@@ -122,7 +123,7 @@ class Diagnosis(Shown):
         return rows
 
     def p_values(self) -> list[dict[str, Any]]:
-        """One row a channel, one column a test with its variants; nan where it is not testable."""
+        """One row a channel, one column a test with its variants; nan if it is not testable."""
         columns = list(dict.fromkeys(f"{f.test} {f.variant}".rstrip() for f in self.results))
         rows: dict[str, dict[str, Any]] = {}
         for result in self.results:
@@ -143,8 +144,6 @@ class Diagnosis(Shown):
     @on_axes
     def plot(self, ax: Axes) -> Axes:
         """Plot all p-values against those of as many true models, the failed ones named; returns `ax`."""
-        from calibration import plots
-
         tested = self.tested
         return plots.p_values(ax, [f.p_value or 0.0 for f in tested], self.doubtful)
 
@@ -165,7 +164,7 @@ def diagnose(
     paths : one per run
     fit : the model of rates under which they are judged: fitted, or the rates that predictions use; None: mass action.
         Only the shape of its hazards is judged, never the size of a rate
-    bonds : per run (E, 2), the two cubes whose faces met or parted at each event, -1 where unknown; with them rebinding
+    bonds : per run (E, 2), the two cubes whose faces met or parted at each event, -1 if unknown; with them rebinding
         is also counted by pieces
     seed : of the draws behind p-values over groups
     ValueError: no runs, runs of several networks, or bonds of another shape

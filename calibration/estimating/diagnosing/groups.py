@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from calibration import plots
 from calibration.estimating.diagnosing.base import ChannelDiagnostic, DiagnosticResult, Judged
 from calibration.estimating.diagnosing.conditional import Trended, spread_test, trend_test
 from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
@@ -58,8 +59,6 @@ class GroupRates:
     @on_axes
     def plot(self, ax: Axes, p_value: float) -> Axes:
         """Plot the rates of the groups with their intervals; returns `ax`."""
-        from calibration import plots
-
         return plots.homogeneity(ax, self.channel, self.labels, plots.Limited(self.rates, *self.intervals()), p_value)
 
 

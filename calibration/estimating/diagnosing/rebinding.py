@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from calibration import plots
 from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
 from calibration.estimating.diagnosing.diagnosed_runs import Clocked, DiagnosedRuns
 from kinetics.network import Network
 from kinetics.runs import RESTART
 from kinetics.support.arrays import Floats, divided
 from kinetics.support.intervals import exact_limits
+from kinetics.support.packages import stats
 from kinetics.support.tables import in_unit
 
 if TYPE_CHECKING:
@@ -167,12 +169,10 @@ def undoings(network: Network) -> Iterator[Undoing]:
 
 def binomial_tail(counted: list[Within]) -> float:
     """Probability of as many joins in windows, or more: each channel's are binomial, their sum is what is seen."""
-    from scipy.stats import binom
-
     total = np.ones(1)
     for each in counted:
         share = each.inside / (each.inside + each.outside)
-        chances = np.trim_zeros(binom.pmf(np.arange(each.joins + 1), each.joins, share), "b")
+        chances = np.trim_zeros(stats.binom.pmf(np.arange(each.joins + 1), each.joins, share), "b")
         total = np.convolve(total, chances)
     seen = sum(each.seen for each in counted)
     return float(min(np.sort(total[seen:]).sum(), 1.0))
@@ -233,6 +233,5 @@ def _rows_after(clocked: Clocked, row: int, window: float) -> slice:
 
 
 def _draw(ax: Axes, channel: str, seen: int, expected: float) -> Axes:
-    from calibration import plots
 
     return plots.seen_and_expected(ax, channel, seen, expected)

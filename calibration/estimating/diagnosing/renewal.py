@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calibration import plots
 from calibration.estimating.diagnosing.conditional import spacing_test
 from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
 from kinetics.support.arrays import Floats, divided
+from kinetics.support.packages import stats
 from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
@@ -56,12 +58,10 @@ class WaitingTimes:
         too late: given the last, those before it are uniform up to it. Too early: on the clock up to one event more,
         all n are; the clock ends before that event, which makes them look later than they are.
         """
-        from scipy.stats import kstest
-
-        early = kstest(self.positions / self.total, "uniform", alternative="greater")
+        early = stats.kstest(self.positions / self.total, "uniform", alternative="greater")
         if self.positions.size == 1:
             return float(early.statistic), min(2 * float(early.pvalue), 1.0)
-        late = kstest(self.positions[:-1] / self.positions[-1], "uniform", alternative="less")
+        late = stats.kstest(self.positions[:-1] / self.positions[-1], "uniform", alternative="less")
         least = min(early, late, key=lambda side: side.pvalue)
         return float(least.statistic), min(2 * float(least.pvalue), 1.0)
 
@@ -76,14 +76,10 @@ class WaitingTimes:
     @on_axes
     def plot(self, ax: Axes) -> Axes:
         """Plot the survival of the residuals beside the unit exponential with its 95 % envelope; returns `ax`."""
-        from calibration import plots
-
         return plots.waiting_times(ax, self.name, self.residuals)
 
     def plot_drift(self, ax: Axes) -> Axes:
         """Plot the share of events against the share of integrated hazard; returns `ax`."""
-        from calibration import plots
-
         return plots.drift(ax, self.name, self.positions / self.total)
 
 

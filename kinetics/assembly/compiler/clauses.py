@@ -12,6 +12,7 @@ from itertools import product
 
 import numpy as np
 
+from kinetics import kernels
 from kinetics.assembly.compiler.budget import Budget
 
 AT_ONCE = 1000  # conflicts, between looks at the clock
@@ -127,22 +128,20 @@ class Clauses:
 
         Every conflict is a step of the budget, and so is the call.
         """
-        from kinetics.kernels import clauses as kernel
-
         self.budget.step()
         self._write()
         given = np.array(list(assumed), np.int64)
         values = np.zeros(self.n_literals, np.int8)
         while not self.impossible:
             before = self.n_clauses
-            status, self.n_clauses, conflicts = kernel.solve(
+            status, self.n_clauses, conflicts = kernels.clauses.solve(
                 self.literals, self.starts, before, given, self.activity, self.phase, values, AT_ONCE
             )
             self.learned[before : self.n_clauses] = True
             self.budget.step(conflicts)
-            if status == kernel.UNSATISFIABLE:
+            if status == kernels.clauses.UNSATISFIABLE:
                 return False
-            if status == kernel.SATISFIABLE:
+            if status == kernels.clauses.SATISFIABLE:
                 self.true = values == 1
                 return True
             self._forget()

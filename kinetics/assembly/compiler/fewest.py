@@ -18,6 +18,7 @@ from kinetics.assembly.compiler.result import Certificate, Compiled, Notify, Rul
 from kinetics.assembly.compiler.search import LetterSearch, OutOfRoundsError, Prefer, Solution, first_letter
 from kinetics.assembly.deriving.derive import derive
 from kinetics.assembly.rules.rule_book import RuleBook
+from kinetics.support.packages import integrate
 
 MAX_LETTERS = 8  # where the target names no other number
 STEPS = 4_000  # of the first search with each number of letters
@@ -185,8 +186,6 @@ def target_yield(book: RuleBook) -> float:
     Every pair of faces that may join does so at the rate JOIN, every bond breaks at BREAK. Rounded to .001, as it only
     decides between books with as many letters and rules.
     """
-    from scipy.integrate import solve_ivp
-
     derived = derive(book)
     sizes = np.array([len(structure) for structure in derived.structures.values()])
     before, change, rates = [], np.zeros((len(derived.events), sizes.size)), []
@@ -198,7 +197,7 @@ def target_yield(book: RuleBook) -> float:
         rates.append(sum(ways.values()) * (JOIN * like if len(event.before) == 2 else BREAK))
     first, second = np.array(before).T
     start = np.where(np.arange(sizes.size) == 0, float(CUBES), 0.0)
-    done = solve_ivp(
+    done = integrate.solve_ivp(
         lambda _, y: (np.array(rates) * y[first] * np.where(second < 0, 1.0, y[second])) @ change,
         (0.0, DURATION),
         start,

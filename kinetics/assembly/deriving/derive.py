@@ -69,12 +69,12 @@ class Derivation:
         channel, species, is_made = np.array(entries, dtype=np.int64).reshape(-1, 3).T
         needed = is_made == 0
         return Network(
-            names,
-            ["->".join("+".join(short[s] for s in side) for side in event) for event in self.events],
+            tuple(names),
+            tuple("->".join("+".join(short[s] for s in side) for side in event) for event in self.events),
             SparseTable.of_entries(shape, channel[needed], species[needed], np.ones(needed.sum(), dtype=np.int64)),
             SparseTable.of_entries(shape, channel, species, 2 * is_made - 1),
-            [sum(ways.values()) for ways in self.events.values()],
-            conserved={"cubes": sizes},
+            np.array([sum(ways.values()) for ways in self.events.values()], dtype=float),
+            conserved={"cubes": np.array(sizes, dtype=float)},
             time_unit="tu",
         )
 

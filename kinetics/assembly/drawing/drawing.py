@@ -13,7 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.support import plots
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import mpl
 
 INK = "#222222"
 UNIT = 0.3  # inches to the unit of length (the edge of a cube) when printed
@@ -130,15 +132,11 @@ class Drawing:
 
     def onto(self, ax: Any) -> Any:
         """Paint onto axes, which are made to fit; returns `ax`."""
-        from matplotlib.collections import PathCollection
-        from matplotlib.colors import to_rgba
-        from matplotlib.path import Path
-
         clear = (0.0, 0.0, 0.0, 0.0)
-        painted = PathCollection(
-            [Path(shape.points, shape.codes) for shape in self.shapes],
-            facecolors=[clear if shape.fill is None else to_rgba(shape.fill) for shape in self.shapes],
-            edgecolors=[clear if shape.line is None else to_rgba(shape.line) for shape in self.shapes],
+        painted = mpl.collections.PathCollection(
+            [mpl.path.Path(shape.points, shape.codes) for shape in self.shapes],
+            facecolors=[clear if shape.fill is None else mpl.colors.to_rgba(shape.fill) for shape in self.shapes],
+            edgecolors=[clear if shape.line is None else mpl.colors.to_rgba(shape.line) for shape in self.shapes],
             linewidths=[0.0 if shape.line is None else shape.width for shape in self.shapes],
             linestyles=[shape.style for shape in self.shapes],
             joinstyle="round",
@@ -160,19 +158,16 @@ class Drawing:
 
     def save(self, path: str) -> None:
         """Write it in its own size as PNG, PDF or SVG; the same drawing gives the same bytes."""
-        from kinetics.support import plots
-
         plots.save(path, self.onto, self.size, PRINT_DPI)
 
 
 @lru_cache(maxsize=4096)
 def outline(text: str) -> tuple[Floats, tuple[int, ...]]:
     """Words as a path (points, codes) of font size 1, the baseline at 0."""
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import text_to_path
-
-    points, codes = text_to_path.get_text_path(FontProperties("DejaVu Sans"), text, ismath=False)
-    outlines = np.array(points, dtype=float).reshape(-1, 2) / text_to_path.FONT_SCALE
+    points, codes = mpl.textpath.text_to_path.get_text_path(
+        mpl.font_manager.FontProperties("DejaVu Sans"), text, ismath=False
+    )
+    outlines = np.array(points, dtype=float).reshape(-1, 2) / mpl.textpath.text_to_path.FONT_SCALE
     outlines.setflags(write=False)
     return outlines, tuple(int(code) for code in codes)
 

@@ -21,6 +21,7 @@ from kinetics.assembly.drawing.pictures import (
     posed,
     structure_drawing,
 )
+from kinetics.support.packages import optimize
 from kinetics.support.plots import COLOURS
 
 MOST_SPECIES = 24  # drawn one by one
@@ -220,12 +221,10 @@ def _settle(layers: list[list[Item]]) -> None:
 
 def _spread(layer: Sequence[Item], wanted: Sequence[float]) -> None:
     """The heights in this order, without overlap, with the least squares from those wanted: isotonic regression."""
-    from scipy.optimize import isotonic_regression
-
     if not layer:
         return
     tops = np.cumsum([0.0, *(-(a.high + b.high) / 2 for a, b in pairwise(layer))])
-    heights = tops + isotonic_regression(np.array(wanted) - tops, increasing=False).x
+    heights = tops + optimize.isotonic_regression(np.array(wanted) - tops, increasing=False).x
     for item, height in zip(layer, heights.tolist(), strict=True):
         item.y = round(height, 9)
 

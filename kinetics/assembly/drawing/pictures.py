@@ -16,6 +16,7 @@ from kinetics.assembly.drawing.drawable_cubes import DrawableCubes
 from kinetics.assembly.drawing.drawing import INK, Drawing, width_of
 from kinetics.assembly.faces import FACE_NORMALS, NORMALS, Position, scheme_of, turned
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import mpl
 from kinetics.support.plots import COLOURS
 
 # Okabe & Ito's orange, sky blue, green, purple and yellow, and a grey: light enough for black letters
@@ -246,16 +247,14 @@ def _shown(structure: DrawableCubes) -> tuple[int, int, int]:
 
 def shaded(colour: str, direction: int, camera: Camera = CAMERA) -> str:
     """The colour of a face that looks in a direction: light from above, the broader of the sides brighter."""
-    from matplotlib.colors import to_hex, to_rgb
-
     if direction == 4:
         white = 0.45
     elif abs(FACE_NORMALS[direction] @ camera.towards) > 0.6:
         white = 0.25
     else:
         white = 0.0
-    red, green, blue = (part + white * (1 - part) if white else 0.88 * part for part in to_rgb(colour))
-    return to_hex((red, green, blue))
+    red, green, blue = (part + white * (1 - part) if white else 0.88 * part for part in mpl.colors.to_rgb(colour))
+    return mpl.colors.to_hex((red, green, blue))
 
 
 SQUARE: Floats = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])

@@ -5,8 +5,8 @@ probability of n steps, or for the integral that of more than n, over q. A chann
 rate, so its derivative by ln k_r is the sum over n of v_n (Q_r / q) l_(n+1), with v_n = start P^n forwards and
 l_n = P l_(n+1) + w_n f backwards: the adjoint of all rates at once (reverse mode).
 
-Only states that are reached and lead to a value are stepped through, and steps end where all later ones together bring
-less than these round: about three times the cost of the value. Where the value has settled long before the time, so
+Only states that are reached and lead to a value are stepped through, and steps end when all later ones together add
+less than these round: about three times the cost of the value. If the value has settled long before the time, so
 that its pass stops, these go on: of differences that no longer change, a limit would say too little.
 
 Every rounding in v and l is as if an entry of P were wrong by a small share, k, at one step. So the computed
@@ -28,6 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kinetics import kernels
 from kinetics.markov.derivatives.forwards import Forwards, places
 from kinetics.markov.derivatives.gradient import ChannelEntries, Gradient
 from kinetics.markov.passage.backward import (
@@ -185,7 +186,7 @@ class Passes:
         self._places = np.searchsorted(keys, chain.rows * n + chain.columns)
 
     def gradient(self, f: int) -> Gradient:
-        """Of the mean of one of the functions."""
+        """The gradient of the mean of one of the functions."""
         entries, start, functions, scales, impulses = self._kept
         chain, scale, lost = entries.transitions, float(scales[f]), self._lost
         found = self._back(functions[f])
@@ -215,8 +216,6 @@ class Passes:
 
         Added up within blocks first, so that the roundings are those of 2 sqrt(n) additions.
         """
-        from kinetics.kernels import markov
-
         n, weights, steps = values.size, self._weights.values, self._forwards.n_steps
         after, later, spent = sums_after(weights[:steps]), np.zeros(n), np.zeros(n)
         sums = [np.zeros(self._moves[1].size), np.zeros(n), np.zeros(n)]
@@ -225,7 +224,7 @@ class Passes:
             parts = [np.zeros_like(each) for each in sums]
             for part in reversed(list(short_slices(len(vectors), 2.0 * (parts[0].size + n)))):
                 some = vectors[part], weights[block][part], after[block][part]
-                markov.steps_back(*self._moves, self._stays, *some, values, later, *parts)
+                kernels.markov.steps_back(*self._moves, self._stays, *some, values, later, *parts)
             for s, found in enumerate(parts):
                 sums[s] += found
             if self._kept.impulses is not None:

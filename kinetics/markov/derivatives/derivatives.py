@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from kinetics.support import plots
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, read_only
 from kinetics.support.shown import ResultTable, Shown, on_axes
@@ -24,7 +25,7 @@ class Derivatives(Shown):
     value, low, high : (P,) in the units of the answer, and bounds of the true ones; all roundings and truncations, and
         those of the rates, included
     is_bound : whether the bounds are proven; otherwise they are an estimate
-    constants : (P,) values of the parameters, 1/tu; of a rate law the factor before it. None where they are not known
+    constants : (P,) values of the parameters, 1/tu; of a rate law the factor before it. None if they are not known
     method : how they were found
     cpu_seconds : time that took
 
@@ -50,7 +51,7 @@ class Derivatives(Shown):
 
     @property
     def elasticity(self) -> Floats:
-        """Relative change (P,) of the answer per relative change of each parameter; nan where the answer is 0."""
+        """Relative change (P,) of the answer per relative change of each parameter; nan if the answer is 0."""
         return self._over(np.full(self.value.size, self.answer.value))
 
     @property
@@ -65,7 +66,7 @@ class Derivatives(Shown):
 
     @property
     def by_constant(self) -> Floats:
-        """Derivatives (P,) by the parameters themselves; nan where these are 0 or not known."""
+        """Derivatives (P,) by the parameters themselves; nan where these are 0 or unknown."""
         constants = np.zeros(self.value.size) if self.constants is None else self.constants
         return self._over(constants)
 
@@ -73,7 +74,7 @@ class Derivatives(Shown):
         return self.value / np.where(by == 0.0, np.nan, by)
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it; arrays are (P,)."""
+        """The derivatives as a dictionary, ready for JSON; arrays are (P,)."""
         low, high = self.elasticity_bounds
         return {
             "parameters": self.parameters,
@@ -93,7 +94,7 @@ class Derivatives(Shown):
 
     @property
     def headline(self) -> str:
-        """Of which answer, by how many parameters."""
+        """One line: the answer, the number of parameters and the method."""
         return f"derivatives of {self.answer.value:.6g} by {len(self.parameters)} parameters; method {self.method}"
 
     def summary(self) -> ResultTable:
@@ -115,7 +116,5 @@ class Derivatives(Shown):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Bars of the elasticities with their bounds, the first parameter on top; returns `ax`."""
-        from kinetics.support import plots
-
         values, low, high = (np.reshape(each, (-1, 1)) for each in (self.elasticity, *self.elasticity_bounds))
         return plots.grouped_bars(ax, self.parameters, ("elasticity",), values, low, high, "d ln(answer) / d ln(rate)")

@@ -6,7 +6,7 @@ i by going on from j instead. Occupation and value come from one elimination, wh
 have relative errors, so each term has a bound. After infinite time the occupation is the stationary distribution, and y
 the reward beyond the mean before the chain is back at a state (Schweitzer 1968, doi:10.2307/3212261).
 
-Where a target is so remote that rates fire f times before it is reached, these derivatives lose as many digits as f
+If a target is so remote that rates fire f times before it is reached, these derivatives lose as many digits as f
 has. Those of a mean until a target, and of a probability, are then taken by cycles (see `regenerative`), with bounds
 relative to the answer; those of `always`, of the steady state and of higher moments keep bounds
 that are f times as wide.

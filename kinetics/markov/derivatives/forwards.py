@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from kinetics import kernels
 from kinetics.markov.passage.backward import sums_after
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.support.arrays import Floats
@@ -55,12 +56,10 @@ class Forwards:
 
     def _steps(self, first: Floats, size: int) -> Floats:
         """The vectors (size + 1, N) of a block from its first, and the first of the next."""
-        from kinetics.kernels import markov
-
         block = np.empty((size + 1, first.size))
         block[0] = first
         for part in short_slices(size, self._arrays[1].size + first.size):
-            markov.powers(*self._arrays, block[part.start : part.stop + 1])
+            kernels.markov.powers(*self._arrays, block[part.start : part.stop + 1])
         return block
 
     def backwards(self) -> Iterator[tuple[int, Floats]]:

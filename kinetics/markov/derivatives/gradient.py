@@ -1,4 +1,4 @@
-"""What a value of a chain gains or loses as the rates of each channel grow, with bounds."""
+"""The gradient of a value of a chain by the rates of each channel, with bounds."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Derivatives of what happens until a remote end, by cycles between visits of the state that is visited most.
 
-Where rates fire f times before an end, the differences of values of two states are f times smaller than these, and
+If rates fire f times before an end, the differences of values of two states are f times smaller than these, and
 derivatives made of them lose as many digits. But the value of a state b, a mean or a probability, is that of a cycle,
 until b comes again or an end, over the probability p that it is an end: E_b = C_b / p. From the start it is
 E = C + R E_b, where R is the probability of being at b first. Cycles are short and p, however small, has all its digits

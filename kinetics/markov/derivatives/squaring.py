@@ -36,7 +36,7 @@ from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats
 
 MAX_SQUARED = 500  # states, some thirty seconds: three times what the dense method takes with its proof
-RESULT_BITS = 50  # of what rates bring, next to the largest value
+RESULT_BITS = 50  # of a derivative, relative to the largest value
 
 
 class Powers(NamedTuple):

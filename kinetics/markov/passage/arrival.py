@@ -87,7 +87,7 @@ class Arrival:
         return early, self._first(q, lambda found: found.low, ever)[1] if q < ever else np.inf
 
     def _first(self, q: float, of: Callable[[Answer], float], ever: float) -> tuple[float, float]:
-        """Neighbouring times by bisection, the cdf below q and not; inf where it is not known to come there.
+        """Neighbouring times by bisection, the cdf below q and not; inf if it is not known to come there.
 
         ever : the cdf after infinite time
         """

@@ -21,6 +21,7 @@ from kinetics.native import twins
 from kinetics.support.answer import PROVEN, Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.progress import forecast
+from kinetics.support.packages import sparse
 from kinetics.support.tables import rough
 
 LEFT_OUT = 1e-302  # of the Poisson probability: what is smaller is not known relatively
@@ -38,7 +39,7 @@ def steps_until(transitions: Transitions, time: float, spare: float = SPARE) -> 
 def expected_at(transitions: Transitions, start: Floats, values: Floats, time: float) -> Answer:
     """Mean of `values` (N,), none negative, over the states at a time, tu.
 
-    The steps are q t and a margin for the tails; ValueError where they are too many.
+    The steps are q t and a margin for the tails; ValueError if they are too many.
     """
     return BackwardPass(transitions, start, values).at(time)
 
@@ -79,7 +80,7 @@ def expected_from_all(transitions: Transitions, values: Floats, time: float) -> 
 class BackwardPass:
     """Means of `values` (N,), none negative, from a start (N,) at any times; the pass goes on where a time needs more.
 
-    Only states that are reached and lead to a value are stepped through. Where no value changes by more than a step
+    Only states that are reached and lead to a value are stepped through. If no value changes by more than a step
     rounds, later ones change no more, because P is positive: they are taken as they are.
     """
 
@@ -230,10 +231,8 @@ def jump_rate(transitions: Transitions, spare: float = SPARE) -> float:
 
 def one_step(transitions: Transitions, spare: float = SPARE) -> tuple[Any, Floats, float]:
     """P off its diagonal (N, N) by rows, its diagonal (N,), and how many roundings a step backwards adds at most."""
-    from scipy.sparse import csr_array
-
     n, rate = transitions.size, jump_rate(transitions, spare)
-    moves: Any = csr_array((transitions.rates / rate, (transitions.rows, transitions.columns)), shape=(n, n))
+    moves: Any = sparse.csr_array((transitions.rates / rate, (transitions.rows, transitions.columns)), shape=(n, n))
     wide = np.concatenate([moves.data.astype(np.longdouble), np.zeros(1, np.longdouble)])
     exits = np.where(np.diff(moves.indptr) > 0, np.add.reduceat(wide, moves.indptr[:-1]), 0.0)
     merged = int(np.bincount(transitions.rows, minlength=1).max())

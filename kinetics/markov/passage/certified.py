@@ -97,7 +97,7 @@ class Equations(ABC):
 
     @abstractmethod
     def at_most(self, weights: Floats, like: Floats, is_occupation: bool = False) -> Floats:
-        """Proven upper bounds (n,) on the exact solution for weights of at least 0; inf where there are none.
+        """Proven upper bounds (n,) on the exact solution for weights of at least 0; inf if there are none.
 
         like : (n,) their scale; some bounds are tight only relative to it
         """
@@ -122,6 +122,8 @@ class Equations(ABC):
             nothing = begun == 0.0
             # States that nothing leads from, or to: without subtractions, their sums are 0.
             is_nothing = not left[nothing].any()
+            # Iterative refinement: solve for the residual and add the correction in double-double pairs. The solution
+            # for the absolute residual bounds the error, as the inverse of an M-matrix is non-negative.
             for _ in range(REFINEMENTS):
                 if not np.isfinite(left).all():
                     return prior
@@ -130,6 +132,7 @@ class Equations(ABC):
                 errors = self.at_most(np.abs(left) + doubt, begun, is_occupation)
                 if (errors[~nothing] <= FINE * high[~nothing]).all():
                     break
+            # Then the error of the rates themselves, relative to the solution, and the low parts, which are left out.
             errors = 1.001 * (errors + np.abs(low) + self.rates_error * (np.abs(high) + errors))
             errors = np.where(nothing & is_nothing, 0.0, np.where(np.isnan(errors), np.inf, errors))
             better = errors < prior.errors

@@ -30,7 +30,7 @@ class Committor(Shown):
     committors : (K, N) probability that each target is reached first, from each state
     probabilities : (K,) probability that each target is reached first, from the start
     never : probability of reaching none, that is, of entering states from which no target can be reached
-    mean_times : (K,) mean time, tu, of the runs that reach each target first; nan where none does
+    mean_times : (K,) mean time, tu, of the runs that reach each target first; nan if none does
     occupation : (N,) expected time, tu, in each state until a target is reached or none can be reached any more
     truncated : (N,) probability of leaving a truncated chain before any target, from each state; all else is then of
         the runs that do not, so that each committor lies between `committors` and `committors + truncated`
@@ -125,7 +125,7 @@ class Committor(Shown):
 
 
 def check_targets(targets: object) -> None:
-    """A ValueError where targets are no mapping, or none."""
+    """A ValueError if targets are no mapping, or none."""
     if not (targets and isinstance(targets, Mapping)):
         came = f"targets are {targets!r}" if targets else "no targets"
         raise ValueError(f"{came}; give at least one, as in {{'extinct': 'A == 0'}}")

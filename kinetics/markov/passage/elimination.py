@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.markov.passage.certified import Equations
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import RATE_ERROR, totals
 from kinetics.native import twins
 from kinetics.support.arrays import Floats
 from kinetics.support.interrupts import heard
+from kinetics.support.packages import sparse
 
 MAX_WORK = 3e10  # multiplications, some ten seconds
 MAX_FACTORED = 1e12  # the same for sparse LU, which takes some hundred seconds then
@@ -42,7 +44,7 @@ class Elimination(Equations):
     error : bound on the relative error of every number that comes out
 
     Every figure is a ratio of sums of spanning forests, products of one rate out of each state. So a relative error of
-    e in the rates out of m states changes it by 2 m e at most (O'Cinneide 1993, doi:10.1007/BF01385743). Where a step
+    e in the rates out of m states changes it by 2 m e at most (O'Cinneide 1993, doi:10.1007/BF01385743). If a step
     reroutes the rates out of a state, each of them rounds five times: exit rate (twice), share, product, sum. The steps
     count these states.
     """
@@ -82,10 +84,8 @@ class Elimination(Equations):
 
     def stationary(self) -> Floats:
         """Probabilities (n,) that do not change, of an irreducible chain that nothing leaves."""
-        from kinetics.kernels import elimination
-
         x = np.empty(self._order.size)
-        elimination.balance(self._band, x)
+        kernels.elimination.balance(self._band, x)
         return self._back(x / x.sum())
 
     def at_most(self, weights: Floats, like: Floats, is_occupation: bool = False) -> Floats:  # noqa: ARG002
@@ -94,7 +94,7 @@ class Elimination(Equations):
         return found / (1.0 - self.error) if self.error < 0.1 else np.full_like(found, np.inf)
 
     def _back(self, x: Floats) -> Floats:
-        """From the order of the band to that of the caller."""
+        """Values reordered from the order of the band to the caller's."""
         result = np.empty_like(x)
         result[self._order] = x
         return result
@@ -109,11 +109,9 @@ def in_a_band(rows: NDArray[Any], columns: NDArray[Any], n: int) -> tuple[NDArra
     reach = float(np.abs(rows - columns).max(initial=1))
     if n * reach**2 <= CHEAP:
         return np.arange(n), rows, columns
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-    pattern: Any = csr_array((np.ones(rows.size), (rows, columns)), shape=(n, n))
-    order = np.asarray(reverse_cuthill_mckee((pattern + pattern.T).tocsr(), symmetric_mode=True))
+    pattern: Any = sparse.csr_array((np.ones(rows.size), (rows, columns)), shape=(n, n))
+    order = np.asarray(sparse.csgraph.reverse_cuthill_mckee((pattern + pattern.T).tocsr(), symmetric_mode=True))
     place = np.empty(n, dtype=np.int64)
     place[order] = np.arange(n)
     return order, place[rows], place[columns]
@@ -133,15 +131,13 @@ class SparseFactors(Equations):
     """
 
     def _factor(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
-        from scipy.sparse import csc_array, dia_array
-        from scipy.sparse.linalg import splu
 
         n = leaving.size
         self._exits = totals(rows, rates, n) + leaving
-        jumps: Any = csc_array((rates, (rows, columns)), shape=(n, n))
-        diagonal: Any = dia_array((self._exits[None, :], [0]), shape=(n, n))
-        matrix = csc_array(diagonal - jumps)
-        factorise: Any = splu
+        jumps: Any = sparse.csc_array((rates, (rows, columns)), shape=(n, n))
+        diagonal: Any = sparse.dia_array((self._exits[None, :], [0]), shape=(n, n))
+        matrix = sparse.csc_array(diagonal - jumps)
+        factorise: Any = sparse.linalg.splu
         ordering: Any = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
         try:
             self._factors = heard(factorise, matrix, **ordering)

@@ -17,7 +17,7 @@ from kinetics.support.arrays import Floats
 
 FEW = 300  # states that are eliminated at once
 EASY = 100.0  # multiplications a rate, by which elimination is no slower than iteration
-ALIKE = 2.0  # times the error by rounding of the rates: no way would bring much less
+ALIKE = 2.0  # times the error by rounding of the rates: no method would have much less
 FINE = 1e-12  # a relative error that needs no other way
 ROUGH = 1e-3  # one that is told rather than refused
 
@@ -75,7 +75,7 @@ class Iterated(Equations):
 def equations(
     rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats, rate_error: float = RATE_ERROR
 ) -> Equations:
-    """Iteration where elimination would take longer; where that does not converge, or for few states, a direct way."""
+    """Iteration where elimination would take longer; if that does not converge, or for few states, a direct way."""
     if is_easy(rows, columns, leaving.size):
         return direct(rows, columns, rates, leaving, rate_error)
     return Iterated(rows, columns, rates, leaving, rate_error)

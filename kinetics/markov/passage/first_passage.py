@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,14 +14,13 @@ from numpy.typing import ArrayLike
 from kinetics.markov.passage.arrival import Arrival
 from kinetics.markov.passage.until import UNDERFLOW
 from kinetics.markov.transient.transitions import Transitions
+from kinetics.support import plots
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Floats, reals
 from kinetics.support.datasets import dataframe
+from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 from kinetics.support.tables import counted, figure, in_unit
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 DRAWN = 201  # times of a curve
 
@@ -35,14 +34,14 @@ class Passage(Shown, Tabular):
     the latest, bounds those of both.
 
     target : name of the target in tables and on axes
-    mean : mean of the time; inf where the target may never be reached
+    mean : mean of the time; inf if the target may never be reached
     probability : probability of ever reaching the target
     error : relative error of mean and probability; probabilities below 1e-290 may be lost
     n_states : number of states before the target
     transitions : among these states and the target, which is the last
     start : probabilities of these states at time 0
     is_bound : whether errors and bounds are proven; not by a rate law that cannot be bounded
-    time_unit : name of the unit of all times, "" where none is stated
+    time_unit : name of the unit of all times, "" if none is stated
     earliest : of a truncated chain, the time until it reaches the target or its edge
     cpu_seconds : processor time that mean and probability took
 
@@ -70,7 +69,7 @@ class Passage(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """Of what it is, its mean, and the number of states."""
+        """One line: the target, the mean, and the number of states."""
         return f"time until {self.target}: {self._mean_in_words}; {self.n_states} states"
 
     def summary(self) -> ResultTable:
@@ -127,7 +126,7 @@ class Passage(Shown, Tabular):
 
     @property
     def mean_bounds(self) -> tuple[float, float]:
-        """Lower and upper bound of the mean; the upper one is inf where a chain is truncated."""
+        """Lower and upper bound of the mean; the upper one is inf if a chain is truncated."""
         low = self._first
         return low.mean * (1.0 - low.error), self.mean * (1.0 + self.error)
 
@@ -149,7 +148,7 @@ class Passage(Shown, Tabular):
 
     @property
     def sd(self) -> float:
-        """Standard deviation of the time; nan where the target may never be reached. Solved for when first asked."""
+        """Standard deviation of the time; nan if the target may never be reached. Solved for when first asked."""
         return self._sd[0]
 
     @property
@@ -185,12 +184,12 @@ class Passage(Shown, Tabular):
         return _at(times, self._first._arrival.survival)[1], _at(times, self._arrival.survival)[2]
 
     def quantile(self, q: ArrayLike) -> Floats:
-        """Times (...) by which the target has been reached with probability q (...); inf where that never happens."""
+        """Times (...) by which the target has been reached with probability q (...); inf if that never happens."""
         asked = _probabilities(q)
         return np.array([self._quantile(float(one)) for one in asked.ravel()]).reshape(asked.shape)
 
     def quantile_bounds(self, q: ArrayLike) -> tuple[Floats, Floats]:
-        """Lower and upper bounds of the quantiles (...); the upper one is inf where q may never be reached."""
+        """Lower and upper bounds of the quantiles (...); the upper one is inf if q may never be reached."""
         asked = _probabilities(q)
         low = [self._first._quantile_bounds(float(one))[0] for one in asked.ravel()]
         high = [self._quantile_bounds(float(one))[1] for one in asked.ravel()]
@@ -231,8 +230,6 @@ class Passage(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the distribution function up to the 99 % quantile, and the mean; returns `ax`."""
-        from kinetics.support import plots
-
         times = self._drawn_at
         return plots.passage(ax, times, self.cdf(times), self.mean, self.target, self.time_unit)
 

@@ -12,10 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.markov.passage.certified import FINE, BoundedSolution, Equations
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.support.arrays import Floats
 from kinetics.support.interrupts import short_slices
+from kinetics.support.packages import sparse
 
 LARGEST = 830  # binary exponent of the largest value while bounds are proven, so that small ones lose no digits
 TINY = 1e-307  # what doubles lose where they are smallest, and more
@@ -33,7 +35,7 @@ DIGITS = 1e-12  # by which one round may reduce a residual
 
 
 class Comparison(NamedTuple):
-    """A vector w > 0 (n,), and v > 0 (n,) with A w >= v, proven; inf where there is none."""
+    """A vector w > 0 (n,), and v > 0 (n,) with A w >= v, proven; inf if there is none."""
 
     wide: Floats
     reached: Floats
@@ -47,21 +49,18 @@ class Comparison(NamedTuple):
 class Iteration(Equations):
     """The equations of a chain by BiCGSTAB with incomplete factors: see `kernels.krylov`, `kernels.incomplete`.
 
-    Cost: some tens of passes over the rates. Where it does not converge, bounds are wide or inf.
+    Cost: some tens of passes over the rates. If it does not converge, bounds are wide or inf.
     """
 
     def _factor(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
-        from scipy.sparse import csr_array
-
-        from kinetics.kernels import incomplete
 
         n = leaving.size
-        table: Any = csr_array((rates, (rows, columns)), shape=(n, n))
+        table: Any = sparse.csr_array((rates, (rows, columns)), shape=(n, n))
         table.sum_duplicates()
         begins, places = table.indptr.astype(np.int32), table.indices.astype(np.int32)
         shares, reduced, left = table.data.copy(), np.empty(n), leaving.copy()
         middles = np.empty(n, dtype=np.int32)
-        incomplete.reduce(begins, places, shares, left, middles, reduced)
+        kernels.incomplete.reduce(begins, places, shares, left, middles, reduced)
         self._factors = (begins, middles, places, shares, reduced)
         self._exits = np.add.reduceat(np.append(table.data, 0.0), begins[:-1]) * (np.diff(begins) > 0) + leaving
         self._table = (begins, places, table.data, self._exits)
@@ -98,7 +97,6 @@ class Iteration(Equations):
             return (1.0 + 4.0 * ROUNDOFF) * (found + wide) / unit + TINY
 
     def _certified(self, weights: Floats, is_occupation: bool, guess: Floats | None = None) -> BoundedSolution:
-        from kinetics.kernels import residuals
 
         self._steps = MOST_STEPS
         with np.errstate(all="ignore"):
@@ -116,7 +114,7 @@ class Iteration(Equations):
                     break
                 best = relative
                 goal = max(0.3 * self.goal / loss, DIGITS * relative / loss)
-                residuals.corrected(high, low, self._changed(left, sure.reached, goal, is_occupation))
+                kernels.residuals.corrected(high, low, self._changed(left, sure.reached, goal, is_occupation))
                 low[high < 0.0] = 0.0
                 high[high < 0.0] = 0.0
                 left, doubt = self._left(weights, high, low, is_occupation)
@@ -155,9 +153,9 @@ class Iteration(Equations):
         return found
 
     def _comparison(self, like: Floats, is_occupation: bool, known: Floats | None = None) -> Comparison:
-        """Of a vector as large as the solution, times the jumps that the chain has left.
+        """The comparison vector from one as large as the solution, times the jumps that the chain has left.
 
-        known : (n,) what A makes of `like` at least; where that is even, it is the vector
+        known : (n,) what A makes of `like` at least; if that is even, it is the vector
         """
         if known is not None and (known > EVEN * self._exits * like).all():
             return Comparison(like.copy(), 0.999 * known)
@@ -178,27 +176,21 @@ class Iteration(Equations):
 
     def _rest(self, weights: Floats, found: Floats, is_occupation: bool) -> Floats:
         """The residual of a solution, in plain doubles."""
-        from kinetics.kernels import incomplete
-
         product = np.empty_like(found)
-        (incomplete.occupied if is_occupation else incomplete.earned)(*self._table, found, product)
+        (kernels.incomplete.occupied if is_occupation else kernels.incomplete.accumulated)(*self._table, found, product)
         return weights - product
 
     def _swept(self, left: Floats, is_occupation: bool) -> Floats:
         """Apply the preconditioner to a residual, in place."""
-        from kinetics.kernels import incomplete
-
-        (incomplete.occupy if is_occupation else incomplete.solve)(*self._factors, left)
+        (kernels.incomplete.occupy if is_occupation else kernels.incomplete.solve)(*self._factors, left)
         return left
 
     def _changed(self, left: Floats, units: Floats, goal: float, is_occupation: bool) -> Floats:
         """The correction of a solution with this residual, by BiCGSTAB."""
-        from kinetics.kernels import krylov
-
         change, most, left = np.zeros_like(left), min(STEPS, self._steps), left.copy()
         memory, numbers, done = np.empty((4, left.size)), np.empty(3), 0
         for part in short_slices(most, 8.0 * (self._factors[3].size + left.size)):
-            done, is_over = krylov.correct(
+            done, is_over = kernels.krylov.correct(
                 *self._factors, *self._table[2:], is_occupation, units, left, change, goal, memory, numbers, done,
                 part.stop,
             )  # fmt: skip
@@ -209,6 +201,6 @@ class Iteration(Equations):
 
 
 def _unit(values: Floats) -> float:
-    """The power of two that takes the largest value to `LARGEST`; 1 where there is none."""
+    """The power of two that takes the largest value to `LARGEST`; 1 if there is none."""
     largest = float(values.max(initial=0.0))
     return float(np.ldexp(1.0, min(LARGEST - int(np.frexp(largest)[1]), 1000))) if 0.0 < largest < np.inf else 1.0

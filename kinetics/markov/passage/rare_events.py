@@ -106,7 +106,7 @@ def rare_event(
     whatever the level.
 
     The interval is valid where the level measures the progress of a run: runs that enter a stage in different states
-    must have similar chances from there on. Where the event comes almost only by a path that few runs take at first and
+    must have similar chances from there on. If the event comes almost only by a path that few runs take at first and
     that the level does not show (a hidden switch), all replicates may miss it and agree on too small a number; `low`
     then still holds, but `high` does not. Cost: the events of all runs at all stages, of which there are about
     log(1 / p) / 1.6. Where the states can be listed, `first_passage` and `committor` need no sampling: choose those.
@@ -143,7 +143,7 @@ def rare_event(
 
 
 def _learn(runner: _Runner, start: Ints, threshold: float, n: int) -> tuple[LevelChances, tuple[float, ...]]:
-    """How likely the event is from where, and the chances at which to split.
+    """The chance of the event from each state, and the chances at which to split.
 
     First from runs that climb the levels with all the time at each; then from runs that had to make it by the end.
     """
@@ -250,7 +250,7 @@ class _Runner:
         jumps: LevelJumps | None = None,
         seen: list[Floats] | None = None,
     ) -> _Runs:
-        """From states (n, S) at clocks (n,), each run until its value reaches the goal, or the end.
+        """Run on from states (n, S) at clocks (n,) until the value of each reaches the goal, or until the end.
 
         jumps, seen : note jumps between levels, and the levels themselves
         """

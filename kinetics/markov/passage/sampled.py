@@ -1,4 +1,4 @@
-"""One run of a Markov chain, jump by jump; also of the runs that end in a target alone."""
+"""One run of a Markov chain, jump by jump; or conditioned to end in a target."""
 
 from __future__ import annotations
 

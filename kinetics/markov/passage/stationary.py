@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics import kernels
 from kinetics.markov.passage.certified import BoundedSolution, Equations, leaving_rates
 from kinetics.markov.passage.elimination import MAX_FACTORED, Elimination, SparseFactors, TooLargeError, work_of
 from kinetics.markov.passage.equations import equations, is_easy
@@ -16,13 +17,12 @@ from kinetics.markov.passage.until import UNDERFLOW
 from kinetics.markov.transient import StateSpace, Transitions
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import totals
+from kinetics.support import plots
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Counts, Floats, read_only
 from kinetics.support.datasets import dataframe
+from kinetics.support.packages import pd, sparse
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MOST_CLASSES = 10  # in a table for people
 MANY = 20_000  # states on which sparse factors are tried before elimination
@@ -47,7 +47,7 @@ class Stationary(Shown, Tabular):
     error : relative error of every probability down to 1e-290, rounding of the rates included; smaller probabilities
         may be lost
     is_bound : whether the error is proven; not by a rate law that cannot be bounded
-    space : the states of the network behind the chain, if there is one; ValueError where counts are asked for without
+    space : the states of the network behind the chain, if there is one; ValueError if counts are asked for without
 
     >>> from kinetics import Network, stationary
     >>> found = stationary(Network.from_text("A <-> B, 2, 3"), {"A": 2})
@@ -121,8 +121,6 @@ class Stationary(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any, species: str | None = None) -> Any:
         """Plot the distribution of the copies of one species, or of each, as steps; returns `ax`."""
-        from kinetics.support import plots
-
         names = self._space.network.species if species is None else (species,)
         for name in names:
             shares = self.marginal(name)
@@ -138,11 +136,9 @@ class Stationary(Shown, Tabular):
 
 def stationary_of(transitions: Transitions, start: Floats) -> Stationary:
     """The stationary distribution of any chain from a start spread as `start` (N,)."""
-    from scipy.sparse.csgraph import connected_components
-
     rows, columns, *_ = transitions
     n = transitions.size
-    n_classes, label = connected_components(_graph(rows, columns, n), directed=True, connection="strong")
+    n_classes, label = sparse.csgraph.connected_components(_graph(rows, columns, n), directed=True, connection="strong")
     is_closed = np.ones(n_classes, dtype=bool)
     is_closed[label[rows[label[rows] != label[columns]]]] = False
     try:
@@ -177,9 +173,8 @@ def steady_mean(rest: Stationary, values: Floats) -> Answer:
 
 
 def _graph(rows: NDArray[Any], columns: NDArray[Any], n: int) -> Any:
-    from scipy.sparse import csr_array
 
-    return csr_array((np.ones(rows.size), (rows, columns)), shape=(n, n))
+    return sparse.csr_array((np.ones(rows.size), (rows, columns)), shape=(n, n))
 
 
 def _weights(
@@ -247,7 +242,7 @@ def _rest_within(transitions: Transitions, members: NDArray[np.intp]) -> tuple[F
 
 
 def _by_iteration(chain: Transitions) -> tuple[Floats, float]:
-    """Between visits to a likely state: of a first guess, then of what a rough solution says."""
+    """Solve between visits to a likely state: first a guessed one, then the likeliest of a rough solution."""
     guess = _guessed(chain)
     for _ in range(ANCHORS):
         anchor = int(np.argmax(guess))
@@ -261,19 +256,15 @@ def _by_iteration(chain: Transitions) -> tuple[Floats, float]:
 
 def _guessed(chain: Transitions) -> Floats:
     """About the probabilities (N,), times some number."""
-    from scipy.sparse import csr_array
-
-    from kinetics.kernels import balance
-
-    table: Any = csr_array((chain.rates, (chain.rows, chain.columns)), shape=(chain.size, chain.size))
+    table: Any = sparse.csr_array((chain.rates, (chain.rows, chain.columns)), shape=(chain.size, chain.size))
     table.sum_duplicates()
     logs = np.empty(chain.size)
-    balance.balanced(table.indptr, table.indices, table.data, chain.exits, logs)
+    kernels.balance.balanced(table.indptr, table.indices, table.data, chain.exits, logs)
     return np.exp(np.maximum(logs - float(logs.max()), LOWEST))
 
 
 def _by_factors(chain: Transitions) -> tuple[Floats, float]:
-    """Between visits to a likely state: first one where the likeliest jumps end, then the likeliest."""
+    """Solve between visits to a likely state: first the one where the likeliest jumps end, then the likeliest."""
     fastest = np.lexsort((chain.rates, chain.rows))
     last = np.append(np.flatnonzero(np.diff(chain.rows[fastest])), chain.rows.size - 1)
     likeliest = chain.columns[fastest[last]]

@@ -59,7 +59,7 @@ class Solved(NamedTuple):
 
 
 class Ending(NamedTuple):
-    """A value, and how it was solved for: None where no rate matters."""
+    """A value, and how it was solved for: None if no rate matters."""
 
     found: Answer
     solved: Solved | None = None
@@ -68,7 +68,7 @@ class Ending(NamedTuple):
 def until(transitions: Transitions, start: Floats, through: Mask, target: Mask) -> Ending:
     """Probability of reaching the target (N,) at some time, on the way through states `through` (N,) alone.
 
-    By linear equations (see `equations`), with a relative error; exactly 0 or 1 where no rate that is above 0 matters.
+    By linear equations (see `equations`), with a relative error; exactly 0 or 1 if no rate that is above 0 matters.
     """
     chain = transitions.stopped(target | ~through)
     coreachable, reachable = chain.leading_to(target), chain.reached_from(start > 0)

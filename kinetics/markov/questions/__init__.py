@@ -7,7 +7,7 @@
     R{"time"}=? [ F phi ]                               mean time until phi
 
 phi and psi are conditions on counts and labels: see `network.predicates`. The words F, G, U, I, C and S stand for
-themselves only where these forms have them; a species with such a name is quoted: F "S" >= 1. A kind of question is a
+themselves only if these forms have them; a species with such a name is quoted: F "S" >= 1. A kind of question is a
 file, imported here: see `Question`.
 """
 
@@ -29,7 +29,7 @@ __all__ = ["QUESTIONS", "Question", "ask", "parse"]
 
 
 def ask(chain: Chain, question: str) -> Answer:
-    """The answer of a chain to a question as text; a ValueError where it cannot be read or has no finite answer.
+    """The answer of a chain to a question as text; a ValueError if it cannot be read or has no finite answer.
 
     question : in the notation of PRISM and Storm, such as `P=? [ F<=100 A >= 1 ]`, with `U`, `G`, `S=?` and `R=?` too
 

@@ -55,7 +55,7 @@ class AlwaysQuestion(Question):
 
     @property
     def settled(self) -> Settled | None:
-        """It is settled outside of the states, if these count from the start."""
+        """The answer is decided outside of the states, if these count from the start."""
         return None if self.after else Settled(None, self.states)
 
     @property
@@ -68,5 +68,5 @@ class AlwaysQuestion(Question):
         return Decided(self.by, f"!({self.states})", lambda _, stopped, __: (~stopped).astype(float))
 
     def _stays(self, model: Model, _: Floats, left: Floats, states: Ints) -> float:
-        """1 where a run is in the states all the interval long."""
+        """1 if a run is in the states all the interval long."""
         return float((Condition(self.states, model).holds(states) | (left < self.after)).all())

@@ -1,4 +1,4 @@
-"""What every kind of question to a chain says, so that answers, derivatives and samples need to know no kind."""
+"""The base of all questions to a chain; answers, derivatives and samples use only its methods."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Decided(NamedTuple):
 class Along(NamedTuple):
     """Runs contribute what happens on their way until a condition `stop` holds, or until the time `end`, tu.
 
-    end : None where runs go on until `stop` holds
+    end : None if runs go on until `stop` holds
     value : what one run contributes, from the times at which its states (n, S) were entered (n,) and left (n,)
     """
 
@@ -98,7 +98,7 @@ class Question(ABC):
     @classmethod
     @abstractmethod
     def read(cls, asked: Framed) -> Self | None:
-        """The question of a text; None where it is of another kind, a ValueError where it is of this one but wrong."""
+        """The question of a text; None if it is of another kind, a ValueError if it is of this one but wrong."""
 
     @abstractmethod
     def value(self, chain: Chain) -> Answer:
@@ -125,7 +125,7 @@ class Question(ABC):
 
     @property
     def sampling(self) -> AtTime | Decided | Along | None:
-        """How runs answer it; None where runs of finite length do not."""
+        """How runs of finite length answer the question; None if they cannot."""
         return None
 
     def check(self, model: Model) -> None:

@@ -32,7 +32,7 @@ class Framed(NamedTuple):
 
 
 def framed(question: str, forms: str) -> Framed:
-    """The frame of a question; a ValueError where there is none, with the forms that are read."""
+    """The frame of a question; a ValueError if there is none, with the forms that are read."""
     if not isinstance(question, str):
         raise ValueError(f"{question!r} is no question; expected text, as in 'P=? [ F<=100 A >= 1 ]'")
     if len(question) > LONGEST:

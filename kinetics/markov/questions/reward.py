@@ -88,7 +88,7 @@ class RewardQuestion(Question):
 
     @property
     def settled(self) -> Settled | None:
-        """It is settled in the target, if there is one."""
+        """The answer is decided in the target, if there is one."""
         return None if self.until is None else Settled(self.until, None)
 
     @property
@@ -102,6 +102,6 @@ class RewardQuestion(Question):
         return float(np.cumsum((left - entered) * reward_rates(model, self.name, states))[-1])
 
     def check(self, model: Model) -> None:
-        """A ValueError where there is no such reward either."""
+        """A ValueError if there is no such reward either."""
         reward_rates(model, self.name, np.asarray(model.initial)[np.newaxis])
         super().check(model)

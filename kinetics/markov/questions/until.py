@@ -77,7 +77,7 @@ class UntilQuestion(Question):
 
     @property
     def settled(self) -> Settled | None:
-        """It is settled outside of the states on the way, and in the target if that counts from the start."""
+        """The answer is decided outside of the states on the way, and in the target if that counts from the start."""
         if self.after:
             return Settled(None, self.through) if self.through is not None else None
         return Settled(self.target, self.through)
@@ -97,7 +97,7 @@ class UntilQuestion(Question):
         return Decided(self.by, stop, fulfils)
 
     def _reaches(self, model: Model, entered: Floats, left: Floats, states: Ints) -> float:
-        """1 where a run is in the target in the interval, and was on the way until then."""
+        """1 if a run is in the target in the interval, and was on the way until then."""
         there = Condition(self.target, model).holds(states) & (left >= self.after)
         if self.through is not None:
             astray = ~Condition(self.through, model).holds(states)

@@ -25,7 +25,7 @@ class SolvingMethod(ABC):
        with a default; fields named `tolerance`, `max_states` and `max_seconds` are checked here. Its docstring says
        the source, the cost and when to choose it.
     2. Give it a `name`, which the command line uses, and `least_tolerance` if it has a tolerance.
-    3. Where it works on the list of all states, inherit from `ListingMethod` and write `probabilities`, from checked
+    3. If it works on the list of all states, inherit from `ListingMethod` and write `probabilities`, from checked
        transitions: it then solves any Markov chain. Else write `distribution`, from a checked state and times. Refuse
        what would take too long or too much memory by a ValueError that says what to do instead.
     4. Return an `error` that covers the truncation and every rounding, those of the rates included. Set

@@ -33,7 +33,7 @@ ABOVE = 1.01  # bounds are computed in doubles, and rounded up
 class Entries(NamedTuple):
     """Rates from rows (K,) to columns (K,), 1/tu; entries of one place add up, exactly.
 
-    rate_error : bound on the relative error of each, in roundings of 2**-53; inf where there is none
+    rate_error : bound on the relative error of each, in roundings of 2**-53; inf if there is none
     """
 
     rows: NDArray[Any]

@@ -19,6 +19,7 @@ from kinetics.markov.transient.transitions import Transitions
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.cli.progress import forecast, limit_in_words
 from kinetics.support.memory import check_memory
+from kinetics.support.packages import sparse
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -119,9 +120,6 @@ class CollocationPlan(NamedTuple):
         A step as long as the time before it, of a solution that is smooth but for time 0, has an error that falls as
         (3 + 2 sqrt(2))**-s: the degree is for that.
         """
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import reverse_cuthill_mckee
-
         n = generator.shape[0]
         events = float(-generator.diagonal().min(initial=0.0)) * last
         if not (events <= MOST_EVENTS and last < LARGEST):
@@ -130,11 +128,12 @@ class CollocationPlan(NamedTuple):
                 f"{MOST_EVENTS:.0e}, until {LARGEST:.0e}; ask for earlier times, or use the method 'dense' if there "
                 f"are few states"
             )
+        # Reverse Cuthill-McKee keeps the factors within a narrow profile; its widths bound their cost.
         pattern: Any = abs(generator) + abs(generator.T)
-        order = np.asarray(reverse_cuthill_mckee(pattern.tocsr(), symmetric_mode=True), dtype=np.int64)
+        order = np.asarray(sparse.csgraph.reverse_cuthill_mckee(pattern.tocsr(), symmetric_mode=True), dtype=np.int64)
         place = np.empty(n, dtype=np.int64)
         place[order] = np.arange(n)
-        entries, first = coo_array(pattern), np.arange(n)
+        entries, first = sparse.coo_array(pattern), np.arange(n)
         np.minimum.at(first, place[entries.row], place[entries.col])
         widths = (np.arange(n) - first).astype(float)
         # At worst, for one factorisation; then what it is, which may be far less.
@@ -150,6 +149,7 @@ class CollocationPlan(NamedTuple):
         lower, upper = fill(generator.T[order][:, order])
         multiplications, numbers = float(lower @ upper), float(lower.sum() + upper.sum())
 
+        # (3 + 2 sqrt(2))**-s <= tolerance / 1000, s even since eigenvalues come in pairs.
         degree = 2 * ceil((3.0 - log10(tolerance)) / log10(3.0 + sqrt(8.0)) / 2.0)
         digits = (log2(max(events, 1.0)) - log2(tolerance) + 50.0) / 18.0
         factorising = degree / 2 * (MULTIPLY * multiplications + STORE * numbers)
@@ -184,6 +184,7 @@ def integrate(
             )
         begin, length, polynomial = steps.go_on()
         coefficients = steps.chain.values(polynomial)
+        # Expected jumps of the step, for the error that errors of the rates cause.
         sizes = np.abs(coefficients) @ integrals_of(coefficients.shape[1])
         jumps += ABOVE * float(length) / 2.0 * float(exits @ sizes)
         for row in range(done, times.size):
@@ -206,12 +207,11 @@ class Steps:
     """
 
     def __init__(self, entries: Entries, start: Floats, last: float, plan: CollocationPlan, tolerance: float) -> None:
-        from scipy.sparse import csc_array
 
         n, diagonal = start.size, np.arange(start.size)
         exits = exit_rates(entries, n)
         places = np.append(entries.columns, diagonal), np.append(entries.rows, diagonal)
-        self._rates: Any = csc_array((np.append(entries.rates, -exits), places), shape=(n, n))
+        self._rates: Any = sparse.csc_array((np.append(entries.rates, -exits), places), shape=(n, n))
         self._plan, self._tolerance, self._last = plan, tolerance, last
         self.chain = FixedPointChain.of(entries, n, 2.0 * last, tolerance)
         first = Fraction(2) ** (2 - self.chain.scale)
@@ -235,6 +235,7 @@ class Steps:
                 # Beyond the last time there is nothing to find.
                 self.length = _power_below(min(length_wanted, 2.0 * max(self._last - float(self.begin), float(length))))
                 return begin, length, polynomial
+            # Too long: try again with the length at which the bound is expected to fit, at least a sixteenth.
             self.length = min(length / 2, max(length / 16, _power_below(2.0 * away / wanted)))
 
     def _polynomial(self, length: Fraction, allowed: float) -> tuple[Floats, float]:
@@ -245,6 +246,7 @@ class Steps:
         planes, last = self.chain.constant(self._state, self._plan.degree), np.inf
         while True:
             self.seconds += self._plan.correction_seconds
+            # Iterative refinement: the defect in fixed point, its correction in doubles, while that still gains.
             found = self.chain.defect(planes, self._state, length)
             if found.bound <= allowed or not found.bound * GAIN < last:
                 return planes, found.bound

@@ -1,4 +1,4 @@
-"""The defect u' - u Q of a polynomial u in fixed-point arithmetic: it bounds the error of u, whoever found it.
+"""The defect u' - u Q of a polynomial u in fixed-point arithmetic: it bounds the error of u, however u was found.
 
 The distance of u from the solution of dp/dt = p Q, summed over the states, grows by no more than the integral of
 |u' - u Q|, because exp(Q t) enlarges no such sum. Doubles know the defect only to 2**-53 of the fastest rate; in fixed
@@ -19,6 +19,7 @@ from kinetics.markov.transient.fixedpoint import FixedPoint
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.radau import radau_tables
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import sparse
 
 LARGEST = 8.0  # coefficients; beyond, whole parts would be no digits. Those of probabilities are below sqrt(2 s + 1)
 SPARE_BITS = 16  # by which what is cut off lies below the tolerance
@@ -55,9 +56,7 @@ class FixedPointChain:
 
     @classmethod
     def of(cls, entries: Entries, n: int, longest: float, tolerance: float) -> FixedPointChain:
-        """With so many digits that what is cut off in steps up to `longest`, tu, is far below the tolerance."""
-        from scipy.sparse import csr_array
-
+        """A defect with so many digits that truncation in steps up to `longest`, tu, is far below the tolerance."""
         arithmetic = FixedPoint.of(n + 1)
         exits = exit_rates(entries, n)
         scale = max(ceil(log2(2.0 * float(exits.max()))), 2 - floor(log2(longest)))
@@ -68,7 +67,7 @@ class FixedPointChain:
         leaving = np.array([np.bincount(entries.rows, digit, minlength=n) for digit in numbers])
         diagonal = np.arange(n)
         places = np.append(entries.columns, diagonal), np.append(entries.rows, diagonal)
-        planes = [csr_array((values, places), shape=(n, n)) for values in np.append(numbers, -leaving, axis=1)]
+        planes = [sparse.csr_array((values, places), shape=(n, n)) for values in np.append(numbers, -leaving, axis=1)]
         rates = arithmetic.carry(np.array([plane.data for plane in planes]))
         for plane, values in zip(planes, rates, strict=True):
             plane.data = values
@@ -97,7 +96,7 @@ class FixedPointChain:
         return self.arithmetic.carry(planes.sum(axis=2))
 
     def defect(self, planes: Floats, start: Floats, length: Fraction) -> Defect:
-        """Of a polynomial that should begin at the digits `start` (count + 1, N).
+        """The defect of a polynomial that should begin at the digits `start` (count + 1, N).
 
         length : of the step, tu, a power of two of at least 2**(2 - e)
         """
@@ -111,9 +110,12 @@ class FixedPointChain:
         slopes = arithmetic.carry(planes @ radau_tables(size - 1).derivative.T)
         rest = np.zeros((self.count + whole + 2, *planes.shape[1:]))
         rest[whole + 1 :] = slopes * 2.0 ** (bits - part)
+        # u Q, plane by plane of digits; only now is the difference rounded to doubles.
         rest[: self.count + 1] -= arithmetic.multiply(planes, self.rates, self.count, by=_flows)
         coefficients = self.values(arithmetic.carry(rest)) * 2.0**m
         sizes = np.abs(self.values(planes)).sum(axis=0)
+        # |u(t) - p(t)| is at most |jump| plus the integral of |u' - u Q|, as exp(Q t) enlarges no sum of absolute
+        # values. The digits cut off in the product count as defect.
         lost = 2.0**m * (arithmetic.lost(self.count) + self.cut * sizes)
         bound = integrals_of(size) @ (np.abs(coefficients).sum(axis=0) + lost) + np.abs(jump).sum()
         return Defect(coefficients, jump, ABOVE * float(bound))

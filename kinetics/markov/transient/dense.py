@@ -131,6 +131,8 @@ def _by_squaring(rates: Floats, fastest: float, start: Floats, times: Floats, ex
     rests = np.array([time - count * step for time, count in zip(times, counts, strict=True)])
     stays = (fastest - rates.sum(axis=1)) / fastest
 
+    # The rest r of each time, below a step, by the Taylor series of exp((Q + q) r), whose terms are all positive; the
+    # factor exp(-q r) cancels as rows are scaled to sum 1.
     rows = np.tile(start, (times.size, 1))
     term = rows.copy()
     for m in range(1, TERMS + 1):
@@ -138,6 +140,7 @@ def _by_squaring(rates: Floats, fastest: float, start: Floats, times: Floats, ex
         rows += term
     rows /= rows.sum(axis=1, keepdims=True)
 
+    # Then binary powers: exp(Q 2**k h) by repeated squaring, applied to the times that have bit k.
     power = _short_step(rates * step, stays, fastest * step)
     for k in range(max(count.bit_length() for count in counts)):
         has_bit = np.array([bool(count >> k & 1) for count in counts])
@@ -150,6 +153,7 @@ def _by_squaring(rates: Floats, fastest: float, start: Floats, times: Floats, ex
 
 def _short_step(rates: Floats, stays: Floats, x: float) -> Floats:
     """exp(Q h) by the series of exp(Q h + x) and exp(-x), x = q h; all terms positive. rates : Q h off the diagonal."""
+    # Horner's scheme for the sum of (Q h + x)^m / m!, m = 1 to TERMS.
     positive = rates + np.diag(stays * x)
     total = positive / TERMS
     for m in range(TERMS - 1, 0, -1):

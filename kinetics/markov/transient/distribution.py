@@ -9,12 +9,13 @@ import numpy as np
 
 from kinetics.markov.transient.states import StateSpace
 from kinetics.network import Network
+from kinetics.support import plots
 from kinetics.support.arrays import Counts, Floats, read_only
 from kinetics.support.datasets import dataframe_over_times, dataset
+from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, means_over_time, on_axes
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
 SLACK = 2.0**-52  # by which a sum of probabilities may miss a quantile
@@ -60,7 +61,7 @@ class Distribution(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """How much it holds."""
+        """One line: the numbers of states and times."""
         return f"probabilities of {len(self.space)} states at {self.times.size} times"
 
     def summary(self) -> ResultTable:
@@ -154,7 +155,5 @@ class Distribution(Shown, Tabular):
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, with bands of the middle 95 % of the probability; returns `ax`."""
-        from kinetics.support import plots
-
         low, high = self.quantile(0.025), self.quantile(0.975)
         return plots.bands(ax, self.times, self.mean(), low, high, self.network.species, self.network.time_unit)

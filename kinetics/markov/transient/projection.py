@@ -38,7 +38,7 @@ class FiniteStateProjection(SolvingMethod):
     """Finite state projection: the master equation on a finite set of states that moves with the probability.
 
     The state space may be infinite. Time is cut into windows. Mass that leaves the set within a window is lost to a
-    sink; where too much is lost, the set is extended around the states from which it flowed and the window is done
+    sink; if too much is lost, the set is extended around the states from which it flowed and the window is done
     again. After a window, states are dropped if they hold little mass and little mass went through them, so that
     bottlenecks stay. Once the distribution has settled it is kept as it is.
 
@@ -99,10 +99,10 @@ class _Window(NamedTuple):
     traffic: Floats
 
     def unrest(self) -> tuple[float, float]:
-        """At the end, in 1/tu: the sum of |p Q|, all flow out of the set included; and the mass that moves."""
+        """At the end, 1/tu: the sum of |p Q| with all flow out of the set, and the flow of probability."""
         mass = self.solved.probabilities[-1]
         outflow = self.chain.arrays.exits * mass
-        # Not `leaks @ mass`: BLAS would wake threads that cost more than they bring.
+        # Not `leaks @ mass`: BLAS would wake threads that cost more than they save.
         change = self.chain.rate * float(np.abs(self.chain.inflows @ mass - outflow).sum())
         return change + float((self.leaks * mass).sum()), self.chain.rate * float(outflow.sum())
 
@@ -147,6 +147,7 @@ class _Front:
         for probabilities in window.solved.probabilities[:-1]:
             self._note(window.states, probabilities)
         self.time, mass = window.end, window.solved.probabilities[-1]
+        # Drop states with little probability now and little that passed through in the window.
         matters = _largest(mass + window.traffic, allowed)
         self.states, self.mass = window.states[matters], mass[matters]
         self.rounding += window.solved.error
@@ -234,7 +235,7 @@ class _Front:
         return Distribution(space, self.grid, probabilities, error, self.is_certified, is_complete=False)
 
     def too_many(self) -> str:
-        """How far it came, and how the likely states spread."""
+        """A sentence on how far the projection came, and how the likely states spread."""
         low, high = self.states.min(axis=0), self.states.max(axis=0)
         spread = sorted(zip(high - low, self.network.species, low, high, strict=True), reverse=True)[:3]
         ranges = ", ".join(f"{name} {a} to {b}" for _, name, a, b in spread)

@@ -13,6 +13,7 @@ import numpy as np
 
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.interrupts import heard
+from kinetics.support.packages import linalg, sparse, special
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
@@ -42,16 +43,14 @@ def radau_tables(degree: int) -> RadauTables:
     By Schur's form, which is orthogonal; eigenvectors would lose a digit with every two degrees.
     """
     from numpy.polynomial.legendre import legvander
-    from scipy.linalg import schur
-    from scipy.special import roots_jacobi
 
-    points = np.concatenate([[-1.0], roots_jacobi(degree - 1, 1, 0)[0], [1.0]])
+    points = np.concatenate([[-1.0], special.roots_jacobi(degree - 1, 1, 0)[0], [1.0]])
     values = legvander(points, degree)
     coefficients = np.linalg.inv(values)
     low, high = np.meshgrid(np.arange(degree + 1), np.arange(degree + 1), indexing="ij")
     derivative = np.where((high > low) & ((high - low) % 2 == 1), 2.0 * low + 1.0, 0.0)
     slopes = (values @ derivative @ coefficients)[1:]
-    triangle, rotation = schur(slopes[:, 1:], output="real")
+    triangle, rotation = linalg.schur(slopes[:, 1:], output="real")
     return RadauTables(derivative, values, coefficients, slopes[:, 0], rotation, triangle)
 
 
@@ -65,14 +64,13 @@ class RadauStep:
     """
 
     def __init__(self, rates: csc_array, length: float, degree: int) -> None:
-        from scipy.sparse import eye_array
 
         self._tables = radau_tables(degree)
         # A block [[a, b], [c, a]] of the triangle acts on x + i r y, r**2 = -b / c, as its eigenvalue a + i r c does.
         above, below = np.diag(self._tables.triangle, 1)[::2], np.diag(self._tables.triangle, -1)[::2]
         self._ratios = np.sqrt(-above / below)
         poles = np.diag(self._tables.triangle)[::2] + 1j * self._ratios * below
-        halved, one = rates * (length / 2.0), eye_array(rates.shape[0])
+        halved, one = rates * (length / 2.0), sparse.eye_array(rates.shape[0])
         self._factors: list[Any] = [_factorised(pole * one - halved) for pole in poles]
 
     def correction(self, defect: Floats, jump: Floats) -> Floats:
@@ -82,6 +80,7 @@ class RadauStep:
         jump : (N,) u at -1 minus what it should be
         """
         tables = self._tables
+        # The collocation equations in Schur form, block by block from the last: a complex solve for every two points.
         wanted = (np.outer(jump, tables.start) - defect @ tables.values[1:].T) @ tables.rotation
         turned = np.empty_like(wanted)
         for block in range(len(self._factors) - 1, -1, -1):
@@ -94,14 +93,12 @@ class RadauStep:
 
 def fill(rates: csc_array) -> tuple[Ints, Ints]:
     """Numbers in each column (N,) of the lower factor and each row (N,) of the upper one, for Q transposed (N, N)."""
-    from scipy.sparse import eye_array
-
-    factors = _factorised(float(-rates.diagonal().min(initial=-1.0)) * eye_array(rates.shape[0]) - rates)
+    factors = _factorised(float(-rates.diagonal().min(initial=-1.0)) * sparse.eye_array(rates.shape[0]) - rates)
     return factors.L.count_nonzero(axis=0), factors.U.count_nonzero(axis=1)
 
 
 def _factorised(matrix: Any) -> Any:
-    from scipy.sparse import csc_array
-    from scipy.sparse.linalg import splu
 
-    return heard(splu, csc_array(matrix), "NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return heard(
+        sparse.linalg.splu, sparse.csc_array(matrix), "NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )

@@ -122,7 +122,7 @@ class Search:
         return rows
 
     def stopped(self) -> Mask:
-        """In which of the states (N,) nothing more happens."""
+        """True (N,) for the states in which nothing more can happen."""
         if self._stop is None:
             return np.zeros(self._n, dtype=bool)
         return np.concatenate([self._stops(self.states[k : k + CHUNK]) for k in range(0, self._n, CHUNK)])
@@ -168,7 +168,7 @@ class Search:
 
         Many at once, since a law or a condition takes as long for a thousand states as for one: in a narrow network
         an event leads to few new states. Those ahead are found as if all laws were above 0 and nothing stopped the
-        chain; where a law or a condition has no value in one that is never reached, none are judged ahead any more.
+        chain; if a law or a condition has no value in one that is never reached, none are judged ahead any more.
         """
         front = self._states[begin : min(end, begin + max(MANY, CHUNK // (1 + len(self._network.channels))))]
         goes = np.ones(len(front), dtype=bool)
@@ -216,7 +216,7 @@ class Search:
         return np.broadcast_to(np.asarray(self._stop(states), dtype=bool), (len(states),))
 
     def _factor(self, r: int) -> float:
-        """Constant times ways of a channel; 1 where there is no constant yet."""
+        """Constant times ways of a channel; 1 if there is no constant yet."""
         known = self._network.rate_constants
         return 1.0 if known is None else float(known[r] * self._network.ways[r])
 

@@ -64,7 +64,7 @@ class StateSpace:
 
     @cached_property
     def rate_errors(self) -> Floats:
-        """Bounds (R,) on the relative errors of each channel's rates, in roundings of 2**-53; inf where there is none.
+        """Bounds (R,) on the relative errors of each channel's rates, in roundings of 2**-53; inf if there is none.
 
         By mass action of a low order `RATE_ERROR`; by a rate law what interval arithmetic finds in these states; 0 for
         channels that change nothing.

@@ -38,7 +38,7 @@ class Transient(ListingMethod):
 
     Source: Jensen (1953), doi:10.1080/03461238.1953.10419459; weights after Fox & Glynn (1988),
     doi:10.1145/42404.42409. Cost: about (largest exit rate) * (last time) steps over all transitions, for any number of
-    times. Choose it wherever all reachable states fit into memory. Where it would take more than 200 000 steps, chains
+    times. Choose it wherever all reachable states fit into memory. If it would take more than 200 000 steps, chains
     of up to 500 states are solved by `Dense`, with a proven error, and larger ones by whichever of uniformisation,
     `Collocation` and up to 2000 states `Dense`, whose error is an estimate there, is forecast to be quickest. It is an
     estimate too where a rate law cannot be bounded.
@@ -90,7 +90,7 @@ class Transient(ListingMethod):
     def forecast(self, transitions: Transitions, last: float) -> tuple[float, bool]:
         """Processor time that `probabilities` is forecast to take until the time `last`, s, and whether it will prove.
 
-        inf where it would refuse. Cost: linear in the transitions, but for a stiff chain, whose elimination is planned.
+        inf if it would refuse. Cost: linear in the transitions, but for a stiff chain, whose elimination is planned.
         """
         steps, seconds, other = self._forecast(transitions, DiscreteChain.of(transitions), last)
         if other is None and (steps > MAX_STEPS or seconds > self.max_seconds):
@@ -110,7 +110,7 @@ class Transient(ListingMethod):
         return steps, found if other else seconds, other
 
     def _quicker(self, generator: csr_array, last: float, seconds: float) -> tuple[float, ListingMethod | None]:
-        """The quickest method for many steps, and what it is forecast to take; none where uniformisation's `seconds` is
+        """The quickest method for many steps, and what it is forecast to take; none if uniformisation's `seconds` is
         less.
         """
         n = generator.shape[0]

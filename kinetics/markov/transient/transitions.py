@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from kinetics.native import twins
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.packages import sparse
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -22,7 +23,7 @@ class Transitions(NamedTuple):
     No state leads to itself; two entries of one place add up.
 
     rate_error : bound on the relative error of each rate, in roundings of 2**-53: 0 for rates that are what they are,
-        `RATE_ERROR` by mass action, more by rate laws; inf where there is none, and so no proven error of a solution
+        `RATE_ERROR` by mass action, more by rate laws; inf if there is none, and so no proven error of a solution
     channels : (K,) the channel behind each entry, where they are those of a network
 
     >>> from kinetics import Network, reachable
@@ -76,14 +77,12 @@ class Transitions(NamedTuple):
 
     def generator(self) -> csr_array:
         """Q (N, N) in 1/tu: rates from row to column off the diagonal, minus their sum on it. dp/dt = p Q."""
-        from scipy.sparse import csr_array, dia_array
-
         if self.leaks.any():
             raise ArithmeticError("the state space is not closed: a channel leads out of it")
         shape = (self.size, self.size)
-        jumps = csr_array((self.rates, (self.rows, self.columns)), shape=shape)
-        diagonal: Any = dia_array((self.exits[None, :], [0]), shape=shape)
-        return csr_array(jumps - diagonal)
+        jumps = sparse.csr_array((self.rates, (self.rows, self.columns)), shape=shape)
+        diagonal: Any = sparse.dia_array((self.exits[None, :], [0]), shape=shape)
+        return sparse.csr_array(jumps - diagonal)
 
     def reached_from(self, begins: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """The states (N,) that some way leads to from where it begins (N,), those themselves included."""

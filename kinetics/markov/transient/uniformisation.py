@@ -21,6 +21,7 @@ from kinetics.markov.transient.transitions import RATE_ERROR, Transitions
 from kinetics.native import twins
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.cli.progress import forecast
+from kinetics.support.packages import sparse
 from kinetics.support.tables import rough
 
 BLOCK = 64  # steps whose vectors are kept and mixed by one matrix product
@@ -40,7 +41,7 @@ class Arrays(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DiscreteChain:
-    """The uniformised chain of a generator; where exits exceed the rates that stay inside, it loses mass.
+    """The uniformised chain of a generator; if exits exceed the rates that stay inside, it loses mass.
 
     rate : q, 1/tu
     arrays : inflows and exits of every state as shares of q
@@ -74,11 +75,9 @@ class DiscreteChain:
         most_out : most rates behind one exit. None: as many as lead on from there
         rate_error : of each rate, in roundings
         """
-        from scipy.sparse import csr_array
-
         rate = float(exits.max(initial=0.0)) or 1.0
         n = exits.size
-        moves: Any = csr_array((rates / rate, (columns, rows)), shape=(n, n))
+        moves: Any = sparse.csr_array((rates / rate, (columns, rows)), shape=(n, n))
         most_in, most_on = (int(np.bincount(ends, minlength=1).max()) for ends in (columns, rows))
         terms = most_in + (most_on if most_out is None else most_out)
         arrays = Arrays(moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, exits / rate)
@@ -92,18 +91,16 @@ class DiscreteChain:
     @cached_property
     def inflows(self) -> Any:
         """csr_array (N, N): of each state, in a row, the shares of q at which the others lead to it."""
-        from scipy.sparse import csr_array
-
         begins, sources, shares, _ = self.arrays
-        return csr_array((shares, sources.astype(np.int64), begins.astype(np.int64)), shape=(self.size, self.size))
+        return sparse.csr_array(
+            (shares, sources.astype(np.int64), begins.astype(np.int64)), shape=(self.size, self.size)
+        )
 
     @cached_property
     def transposed(self) -> Any:
         """csr_array (N, N), P transposed: `transposed @ p` is p P."""
-        from scipy.sparse import csr_array, dia_array
-
-        stays: Any = dia_array((1.0 - self.arrays.exits[None, :], [0]), shape=self.inflows.shape)
-        return csr_array(self.inflows + stays)
+        stays: Any = sparse.dia_array((1.0 - self.arrays.exits[None, :], [0]), shape=self.inflows.shape)
+        return sparse.csr_array(self.inflows + stays)
 
     def steps_until(self, time: float, tolerance: float) -> int:
         """Steps after which, but for `tolerance`, all of the Poisson probability at `time` has been seen."""
@@ -149,6 +146,7 @@ def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Float
     if not chain.arrays.exits.any():
         return Mixtures(np.tile(start, (len(times), 1)), np.zeros_like(start), 0.0)
     means = [chain.rate * float(time) for time in times]
+    # p(t) = sum over k of Poisson(k; q t) p P^k; each time needs a window of k, and all share the steps.
     windows = [poisson_window(mean, tolerance / 2) for mean in means]
     ends = np.array([first + weights.size for first, weights in windows])
     firsts = np.array([first for first, _ in windows])
@@ -162,6 +160,7 @@ def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Float
         end = min(begin + block, n_steps)
         vectors[0] = vectors[-1]
         twins.advance(*chain.arrays, vectors[: end - begin + 1], flows[: end - begin])
+        # Expected events on the way, for the bound on rounding: flow of step k times the chance of more than k steps.
         jumps += float((flows[: end - begin] * tails[begin:end]).sum())
         stays += vectors[: end - begin].sum(axis=0)
         active = np.flatnonzero((firsts < end) & (ends > begin))
@@ -169,9 +168,11 @@ def mixtures(chain: DiscreteChain, start: Floats, times: Sequence[float] | Float
             weights = _weights_between(begin, end, [windows[i] for i in active])
             twins.mix(active, weights, vectors[: end - begin], mixed)
         last, left = end - begin, n_steps - end
+        # Steady-state detection: P enlarges no difference, so all later steps move p by at most `left` last changes.
         drift = 1.01 * left * float(np.abs(vectors[last] - vectors[last - 1]).sum())
         flow = float(flows[last - 1])
         if left and drift <= chain.rounding(left, left * flow, min(chain.rate_error, RATE_ERROR)):
+            # The steps not taken get the last vector in their place.
             shares = np.array([weights[max(end - first, 0) :].sum() for first, weights in windows])
             mixed += shares[:, None] * vectors[last]
             stays += left * vectors[last]

@@ -57,7 +57,7 @@ static void leave(const double *leaving, int64_t n, const double *high, const do
 }
 
 /* The residual of A x: by differences x_i - x_j, so that an exit rate is never summed and subtracted again. */
-void earned(const int64_t *rows, const int64_t *columns, const double *rates, int64_t n_rates, const double *leaving,
+void accumulated(const int64_t *rows, const int64_t *columns, const double *rates, int64_t n_rates, const double *leaving,
             int64_t n, const double *high, const double *low, Pair *left, double *sizes)
 {
     leave(leaving, n, high, low, left, sizes);

@@ -19,45 +19,15 @@ from typing import TYPE_CHECKING
 from kinetics.support.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from kinetics.network.laws.events import Event
-    from kinetics.network.laws.expression import Expression
-    from kinetics.network.laws.named import (
-        LAWS,
-        hill,
-        hill_repression,
-        mass_action,
-        michaelis_menten,
-        periodic,
-        steps_in_count,
-        steps_in_time,
-    )
+    from kinetics.network.laws.events import Event as Event
+    from kinetics.network.laws.expression import Expression as Expression
+    from kinetics.network.laws.named import LAWS as LAWS
+    from kinetics.network.laws.named import hill as hill
+    from kinetics.network.laws.named import hill_repression as hill_repression
+    from kinetics.network.laws.named import mass_action as mass_action
+    from kinetics.network.laws.named import michaelis_menten as michaelis_menten
+    from kinetics.network.laws.named import periodic as periodic
+    from kinetics.network.laws.named import steps_in_count as steps_in_count
+    from kinetics.network.laws.named import steps_in_time as steps_in_time
 
-_HOMES = {
-    "kinetics.network.laws.events": ("Event",),
-    "kinetics.network.laws.expression": ("Expression",),
-    "kinetics.network.laws.named": (
-        "LAWS",
-        "hill",
-        "hill_repression",
-        "mass_action",
-        "michaelis_menten",
-        "periodic",
-        "steps_in_count",
-        "steps_in_time",
-    ),
-}
-
-__all__ = [
-    "LAWS",
-    "Event",
-    "Expression",
-    "hill",
-    "hill_repression",
-    "mass_action",
-    "michaelis_menten",
-    "periodic",
-    "steps_in_count",
-    "steps_in_time",
-]
-
-__getattr__, __dir__ = lazy_names(__name__, __all__, _HOMES)
+__getattr__, __dir__ = lazy_names(__name__)

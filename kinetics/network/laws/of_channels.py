@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.network.laws.enclosure import enclosed
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import Code
 from kinetics.network.laws.program import Step, evaluate, steps_of
@@ -60,8 +61,6 @@ class ChannelLaw:
         The largest over the states, beside the law's real value (see `laws.enclosure`); inf if it is not known to
         three digits, or not whether it is 0. The law depends on no time.
         """
-        from kinetics.network.laws.enclosure import enclosed
-
         factors = [Step(Code.CONSTANT, 0, constant), Step(Code.MULTIPLY), Step(Code.CONSTANT, 0, ways)]
         steps = [*self._unrounded, *factors, Step(Code.MULTIPLY)]
         worst = 0.0

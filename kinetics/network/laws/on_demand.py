@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
     from typing_extensions import TypeIs
 
     from kinetics.network.laws.events import Event
@@ -42,7 +41,7 @@ def checked_events(events: Sequence[Event], species: Mapping[str, int]) -> tuple
 
 def split_rates(
     given: Any, channels: tuple[str, ...], parameters: Mapping[str, float]
-) -> tuple[ArrayLike | None, dict[str, Expression]]:
+) -> tuple[Any, dict[str, Expression]]:
     """Rate constants, 1 if there is a law, and the laws, see `of_channels.split_rates`."""
     if given is None or (not isinstance(given, str | Mapping) and all(hasattr(rate, "__float__") for rate in given)):
         return given, {}

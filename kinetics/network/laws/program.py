@@ -181,7 +181,7 @@ class _Compiling:
         return uses
 
 
-def evaluate(steps: Sequence[Step], states: Ints, time: float) -> Floats:
+def evaluate(steps: Sequence[Step], states: Ints | Floats, time: float) -> Floats:
     """Values (...) of a program at states (..., S) and a time. What is undefined is nan or inf."""
     shape = states.shape[:-1]
     piece = max(1, MOST_HELD // max(1, depth(steps)))
@@ -192,7 +192,7 @@ def evaluate(steps: Sequence[Step], states: Ints, time: float) -> Floats:
     return _evaluated(steps, states, time)
 
 
-def _evaluated(steps: Sequence[Step], states: Ints, time: float) -> Floats:
+def _evaluated(steps: Sequence[Step], states: Ints | Floats, time: float) -> Floats:
     shape = states.shape[:-1]
     stack: list[Floats] = []
     kept: dict[int, Floats] = {}

@@ -52,7 +52,7 @@ class RankedBook:
         return self.result.yield_ if measure == "yield" else self.result.first
 
     def from_rates(self, measure: Measure) -> tuple[float, float] | None:
-        """95 % interval of a mean from the rates' uncertainty; None where the rates are taken as known.
+        """95 % interval of a mean from the rates' uncertainty; None if the rates are taken as known.
 
         Where draws are sampled it holds their noise too, so it is rather too wide.
         """

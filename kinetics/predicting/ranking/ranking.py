@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,15 +21,14 @@ from kinetics.predicting.ranking.ranked_book import (
 )
 from kinetics.predicting.ranking.yield_and_first_time import MAX_STATES
 from kinetics.rates import ClassRates
+from kinetics.support import plots
 from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import whole_number
 from kinetics.support.cli.progress import stage
 from kinetics.support.datasets import dataframe
+from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 from kinetics.support.tables import text_table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MAX_JOINS = 8  # shown to people; the rest is in `pathways`
 
@@ -42,7 +41,7 @@ class Ranking(Shown, Tabular):
         runs without one by the horizon count as the horizon
     cubes, possible, horizon : number of free cubes at time 0, number of targets they could make, and horizon, tu
     notes : what a reader must know about the figures
-    draws : number of draws of the rates; 0 where no rate has evidence
+    draws : number of draws of the rates; 0 if no rate has evidence
     unfinished : books not reached before Ctrl-C
 
     >>> from kinetics import ClassRates, rank
@@ -108,7 +107,7 @@ class Ranking(Shown, Tabular):
         return f"{len(self.books)} rule books by {self.by}, {self.cubes} cubes until {self.horizon:g} tu: {best}"
 
     def summary(self) -> ResultTable:
-        """One row per book, then what the figures mean."""
+        """A table with a row per book, and notes on the figures."""
         titles = ("", "book", "joins", "letters", "yield", "first (tu)", "reached", "CPU (s)")
         rows = []
         for place, candidate in zip(self.places, self.books, strict=True):
@@ -199,8 +198,6 @@ class Ranking(Shown, Tabular):
 
         The first eight have a colour and a name each; the others are grey.
         """
-        from kinetics.support import plots
-
         shown = min(len(self.books), len(plots.COLOURS))
         for number, candidate in enumerate(self.books):
             spans = {measure: _span(candidate, measure) for measure in MEASURES}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -89,7 +90,7 @@ def yield_and_first_time(
 @cache
 def load_kernels() -> None:
     """Load kernels and libraries by a tank of one copy that decays, so that this is no cost of the first figure."""
-    network = Network(("x",), ("decay",), np.array([[1]]), np.array([[-1]]), np.ones(1), np.ones(1))
+    network = Network.from_reactions({"decay": ({"x": 1}, {})}, [1.0])
     model = Model(network, np.array([1]))
     _exact_passage(model, "x", 1.0, MAX_STATES)
     _exact_yield(model, "x", 1, 1.0, MAX_STATES)
@@ -97,7 +98,7 @@ def load_kernels() -> None:
 
 
 def _exact_passage(model: Model, target: str, end: float, max_states: int) -> list[WithSpread] | None:
-    """First target, and probability of it by the horizon; None where the solver refuses: too many states or steps."""
+    """First target, and probability of it by the horizon; None if the solver refuses: too many states or steps."""
     began = time.process_time()
     try:
         chain, goal = chain_to(model, None, target, 1, max_states)
@@ -110,9 +111,9 @@ def _exact_passage(model: Model, target: str, end: float, max_states: int) -> li
     except ValueError:
         return None
     chance, cost = reached.value, time.process_time() - began
-    found = {"method": "transient", "cpu_seconds": cost, "why": counted(len(chain), "state")}
+    found: dict[str, Any] = {"method": "transient", "cpu_seconds": cost, "why": counted(len(chain), "state")}
     spread = (max(chance * (1.0 - chance), 0.0)) ** 0.5
-    return [(replace(first, **found), sd), (replace(reached, **found), spread)]  # type: ignore[arg-type]
+    return [(replace(first, **found), sd), (replace(reached, **found), spread)]
 
 
 def first_by(chain: Chain, goal: Mask, horizon: float) -> tuple[Answer, Answer, float]:
@@ -132,7 +133,7 @@ def first_by(chain: Chain, goal: Mask, horizon: float) -> tuple[Answer, Answer, 
 
 
 def _exact_yield(model: Model, target: str, possible: int, horizon: float, max_states: int) -> WithSpread | None:
-    """Targets at the horizon over those possible; None where the solver refuses."""
+    """Targets at the horizon over those possible; None if the solver refuses."""
     began = time.process_time()
     method = Transient(TOLERANCE, max_states, MAX_SECONDS)
     try:

@@ -72,7 +72,7 @@ def check_asked(model: Model, asked: ScanRequest) -> None:
 
 
 def _exact(model: Model, asked: ScanRequest) -> list[Answer] | None:
-    """The answers of the chain; None where it has too many states, or none because rates depend on time."""
+    """The answers of the chain; None if it has too many states, or none because rates depend on time."""
     if not asked.max_states or not is_homogeneous(model.network):
         return None
     began = time.process_time()
@@ -93,7 +93,7 @@ def _exact(model: Model, asked: ScanRequest) -> list[Answer] | None:
 
 
 def tell_questions(questions: Sequence[str]) -> tuple[str, ...]:
-    """The questions, each readable and none asked twice; a ValueError where not."""
+    """The questions, each readable and none asked twice; a ValueError if not."""
     given = tuple(questions) if isinstance(questions, Iterable) and not isinstance(questions, str) else (questions,)
     if not given:
         raise ValueError("no question; give one, as in 'E[AB] @ 100' or 'P=? [ F<=100 AB >= 5 ]'")

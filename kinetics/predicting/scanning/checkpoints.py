@@ -60,7 +60,7 @@ def sha256(text: str) -> str:
 
 
 def _read(line: str, n_questions: int) -> tuple[str, tuple[Answer, ...]] | None:
-    """Key and answers of a line; None where it is none, or damaged."""
+    """Key and answers of a line; None if it is none, or damaged."""
     try:
         content = json.loads(line)
         check = content.pop("check")

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from multiprocessing.synchronize import Event
 from typing import Any
 
-from kinetics.support.extras import extra
+from kinetics.support.packages import extra
 from kinetics.support.workers import GUARD, end_while_loading, end_with_parent, leave_signals_to_parent
 
 ANSWER_WITHIN = 10  # s, for a scheduler
@@ -20,7 +20,7 @@ ANSWER_WITHIN = 10  # s, for a scheduler
 
 @contextmanager
 def executor_of(workers: int | str) -> Iterator[Executor | None]:
-    """An executor for points; None where this process makes them itself. Whatever is not done at the end is dropped.
+    """An executor for points; None if this process makes them itself. Whatever is not done at the end is dropped.
 
     workers : number of processes, or the address of a Dask scheduler
     OSError: no scheduler answers at the address. ChildProcessError: a worker ended before it had answered.

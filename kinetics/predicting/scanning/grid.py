@@ -22,7 +22,7 @@ from kinetics.support.arrays import Floats, integers, whole_number
 from kinetics.support.cli.progress import forecast, span
 from kinetics.support.tables import counted, of_unit
 
-LONG = 5.0  # s of CPU; where a point takes longer, no further one is tried first
+LONG = 5.0  # s of CPU; if a point takes longer, no further one is tried first
 MAX_STATES = 100_000  # listed at a point; a chain of so many takes seconds to minutes
 
 

@@ -16,6 +16,7 @@ from kinetics.predicting.scanning.values import is_logarithmic
 from kinetics.support import plots
 from kinetics.support.answer import CONFIDENCE
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import mpl
 
 MOST_PANELS = 48
 FEW = 8  # values that an axis marks one by one
@@ -46,7 +47,7 @@ class DrawnScan(Protocol):
         ...
 
     def words(self, what: str) -> Any:
-        """How it was answered (n1, n2, ..., Q)."""
+        """Text on each answer (n1, n2, ..., Q), such as its method."""
         ...
 
 
@@ -86,10 +87,8 @@ def draw_scan(figure: Any, scan: DrawnScan) -> None:
 
 def _levels(limits: tuple[float, float]) -> list[float]:
     """Round numbers within limits, marked on the colour bar, at which contours are drawn."""
-    from matplotlib.ticker import MaxNLocator
-
     low, high = limits
-    return [float(level) for level in MaxNLocator(6).tick_values(low, high) if low <= level <= high]
+    return [float(level) for level in mpl.ticker.MaxNLocator(6).tick_values(low, high) if low <= level <= high]
 
 
 def _lines(ax: Any, scan: DrawnScan, q: int) -> None:
@@ -116,8 +115,6 @@ def _lines(ax: Any, scan: DrawnScan, q: int) -> None:
 
 def _heat_map(ax: Any, scan: DrawnScan, table: Floats, limits: tuple[float, float]) -> Any:
     """Values (n1, n2) over two names, with contours where there are values enough; returns the coloured mesh."""
-    from matplotlib.patheffects import withStroke
-
     first, second = list(scan.over)[:2]
     x, y = scan.over[first], scan.over[second]
     across, up = np.argsort(x), np.argsort(y)
@@ -131,7 +128,7 @@ def _heat_map(ax: Any, scan: DrawnScan, table: Floats, limits: tuple[float, floa
         within = [level for level in _levels(limits) if shown.min() < level < shown.max()]
         if within:
             lines = ax.contour(x, y, shown, levels=within, colors="white", linewidths=1.0)
-            lines.set(path_effects=[withStroke(linewidth=1.8, foreground="black")])
+            lines.set(path_effects=[mpl.patheffects.withStroke(linewidth=1.8, foreground="black")])
     ax.set_xlabel(scan.labels[first])
     ax.set_ylabel(scan.labels[second])
     return mesh

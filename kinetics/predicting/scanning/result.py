@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kinetics.predicting.scanning.pictures import draw_scan, size_of
 from kinetics.support.answer import CONFIDENCE, ESTIMATE, NONE, PROVEN, Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.datasets import dataframe, dataset
-from kinetics.support.extras import extra
+from kinetics.support.packages import pd, plt
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import counted, of_unit
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
 MOST_ROWS = 40  # of a table for people
@@ -33,9 +33,9 @@ class Scan(Shown, Tabular):
     """The answers to Q questions at the P points of a grid.
 
     over : name -> its values; the grid has every combination, the last name going fastest
-    answers : (P,) of the points, each with Q answers, or None where Ctrl-C came before it was made
+    answers : (P,) of the points, each with Q answers, or None if Ctrl-C came before it was made
     labels : name -> title of its axis
-    time_unit : of all times in the questions, "" where none is stated
+    time_unit : of all times in the questions, "" if none is stated
 
     >>> from kinetics import Network, scan
     >>> found = scan(Network.from_text("A -> B, k", k=1), {"k": [1, 2], "A": [3, 4]}, ["E[A] @ 1"])
@@ -80,7 +80,7 @@ class Scan(Shown, Tabular):
         return float(np.nansum(self.numbers("cpu_seconds")))
 
     def numbers(self, what: str) -> Floats:
-        """One of `NUMBERS` at all points, (n1, n2, ..., Q); nan where it was not made."""
+        """One of `NUMBERS` at all points, (n1, n2, ..., Q); nan if it was not made."""
         if what not in NUMBERS:
             raise ValueError(f"{what!r}; expected one of {', '.join(NUMBERS)}")
         none = [None] * len(self.questions)
@@ -88,7 +88,7 @@ class Scan(Shown, Tabular):
         return np.array(table, dtype=float).reshape(*self.shape, len(self.questions))
 
     def words(self, what: str) -> Any:
-        """One of `WORDS` at all points, (n1, n2, ..., Q) of text; "" where not made."""
+        """One of `WORDS` at all points, (n1, n2, ..., Q) of text; "" if not made."""
         none = [None] * len(self.questions)
         table = [[getattr(each, what, "") for each in answers or none] for answers in self.answers]
         return np.array(table, dtype=object).reshape(*self.shape, len(self.questions))
@@ -106,7 +106,7 @@ class Scan(Shown, Tabular):
 
     @property
     def headline(self) -> str:
-        """Its size, how it was answered, and the cost."""
+        """One line: the size of the scan, how it was answered, and the cost."""
         done = [each for answers in self.answers if answers for each in answers]
         points = sum(answers is not None for answers in self.answers)
         of_all = "" if self.is_complete else f" of {len(self.answers)}"
@@ -139,7 +139,7 @@ class Scan(Shown, Tabular):
         return dataframe(self.rows, columns=[*self.over, "question", *Answer.__dataclass_fields__])
 
     def to_xarray(self) -> xr.Dataset:
-        """A Dataset with a dimension for each scanned name and one for the question; nan where not made."""
+        """A Dataset with a dimension for each scanned name and one for the question; nan if not made."""
         dims = (*self.over, "question")
         content = {what: (dims, self.numbers(what)) for what in NUMBERS}
         content |= {what: (dims, self.words(what).astype(str)) for what in WORDS}
@@ -154,12 +154,7 @@ class Scan(Shown, Tabular):
 
         figure : Matplotlib's, to be drawn into; a new one where none is given. Returns it.
         """
-        from kinetics.predicting.scanning.pictures import draw_scan, size_of
-
         if figure is None:
-            extra("matplotlib")
-            import matplotlib.pyplot as plt
-
             figure = plt.figure(figsize=size_of(self), layout="constrained")
         draw_scan(figure, self)
         return figure

@@ -30,7 +30,7 @@ LASTS = "it has no time bound; give one, as in F<=100 or C<=100, or allow more s
 
 
 def check_ends(text: str, question: Question) -> None:
-    """ValueError where runs of a finite length do not answer the question."""
+    """ValueError if runs of a finite length do not answer the question."""
     if question.sampling is None:
         raise ValueError(f"{text!r} cannot be sampled: {LASTS}")
 
@@ -39,7 +39,7 @@ def sampled_answers(model: Model, questions: Sequence[tuple[str, Question]], run
     """The answers of `runs` runs: counts at given times by the method that `Auto` takes, what happens by runs
     that end where it is decided.
 
-    Limits hold at 95 %: of probabilities by Clopper & Pearson, of means by Student's t; nan where all runs are alike.
+    Limits hold at 95 %: of probabilities by Clopper & Pearson, of means by Student's t; nan if all runs are alike.
     """
     found: dict[Question, Answer] = {}
     asked: dict[Question, Sampling] = {}

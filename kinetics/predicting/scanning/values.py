@@ -52,7 +52,7 @@ def checked_values(name: str, values: ArrayLike) -> Floats:
 
 
 def check_size(sizes: Sequence[int]) -> None:
-    """ValueError where a grid of these lengths has too many points."""
+    """ValueError if a grid of these lengths has too many points."""
     points = math.prod(sizes)
     if points > MOST_POINTS:
         grid = " x ".join(map(str, sizes))

@@ -1,4 +1,4 @@
-"""The base of all break models: by whom, and how often, a structure is broken."""
+"""The base of all break models: which partners break a structure, and at which rate."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class BreakModel(ABC):
 
     To add a model:
     1. write a class with a `name`, whose docstring states its assumption and its source;
-    2. give `partners`, `parameters` if it has any, and `weights`; where these depend on sizes alone, `by_size`, so
+    2. give `partners`, `parameters` if it has any, and `weights`; if these depend on sizes alone, `by_size`, so
         that class rates and network-free runs can use it;
     3. import it in `kinetics.rates.breaks.models`: command lines, estimation, prediction and
        tests/contracts/test_breaks.py read the tuple made there.
@@ -102,7 +102,7 @@ class BreakModel(ABC):
         """P names: species, `WALL`, or `ALONE`."""
 
     def parameters(self, network: Network) -> tuple[ShapeParameter, ...]:  # noqa: ARG002
-        """The shape parameters; none where the weights are known."""
+        """The shape parameters; none if the weights are known."""
         return ()
 
     @abstractmethod
@@ -128,7 +128,7 @@ class BreakModel(ABC):
 def body_sizes(network: Network) -> Floats:
     """Parts (S,) in a body of each species: its one conserved quantity.
 
-    ValueError where the network has none, or several.
+    ValueError if the network has none, or several.
     """
     if len(network.conserved) != 1:
         known = ", ".join(network.conserved) or "none"

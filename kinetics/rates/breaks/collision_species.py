@@ -34,7 +34,7 @@ class CollisionSpecies(BreakModel):
         return network.species
 
     def parameters(self, network: Network) -> tuple[ShapeParameter, ...]:
-        """The weights of all species but the first; a ValueError where they are too many."""
+        """The weights of all species but the first; a ValueError if they are too many."""
         if len(network.species) > MOST_SPECIES:
             raise ValueError(
                 f"break model {self.name!r} has a weight a species, for up to {MOST_SPECIES}; this network has "

@@ -18,7 +18,7 @@ BY = " by "  # between a break and its partner, in the name of a channel
 
 
 def base_channel(name: str) -> str:
-    """The join or break to which a channel belongs, whoever its partner is.
+    """The join or break to which a channel belongs, for any partner.
 
     >>> base_channel("2->1+1 by quadmer")
     '2->1+1'
@@ -101,7 +101,7 @@ class Expansion:
         ]
         network = Network(
             base.species,
-            names,
+            tuple(names),
             reactants,
             base.sparse_stoichiometry.picked(base_of),
             base.ways[base_of] * np.where(twice, 2.0, 1.0),

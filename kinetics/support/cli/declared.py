@@ -20,3 +20,8 @@ def count_option(*names: str, least: int = 1, metavar: str = "N", **settings: An
     """An option whose value is a whole number of at least `least`, and whose help shows its default, if any."""
     shown = "default" in settings
     return click.option(*names, metavar=metavar, type=click.IntRange(min=least), show_default=shown, **settings)
+
+
+def files_option(*names: str, **settings: Any) -> Callable[[Decorated], Decorated]:
+    """An option that names a file, and may be repeated."""
+    return click.option(*names, metavar="FILE", multiple=True, **settings)

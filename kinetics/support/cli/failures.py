@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from kinetics.support import interrupts
-from kinetics.support.extras import EXTRAS, how_to_install
+from kinetics.support.packages import EXTRAS, how_to_install
 
 CHECKED = 1  # a check found errors, or a question has no answer at some points: a result
 MISTAKE = 2  # of the user: options, files, their contents, a package that is missing

@@ -14,13 +14,14 @@ from typing import Any, NamedTuple, TypeVar
 import click
 import numpy as np
 
+from kinetics.support import plots
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
-from kinetics.support.cli.declared import POSITIVE, count_option, default_option
+from kinetics.support.cli.declared import POSITIVE, count_option, default_option, files_option
 from kinetics.support.cli.progress import BUDGET
 from kinetics.support.cli.study_folder import BOOK, is_filled, or_study_folder, rates_of, start_of
-from kinetics.support.extras import require
 from kinetics.support.output import check_target, write_whole
+from kinetics.support.packages import require
 
 DURATION = 2000.0  # tu, the paper's
 
@@ -89,21 +90,11 @@ def _files(value: str | tuple[str, ...] | None) -> tuple[str, ...]:
     return value if isinstance(value, tuple) else () if value is None else (value,)
 
 
-csv_option = click.option(
-    "--csv",
-    "csv_files",
-    metavar="FILE",
-    multiple=True,
-    callback=table_of("pandas"),
-    help="Write a table to this CSV file; may be repeated.",
+csv_option = files_option(
+    "--csv", "csv_files", callback=table_of("pandas"), help="Write a table to this CSV file; may be repeated."
 )
-plot_option = click.option(
-    "--plot",
-    "plot_files",
-    metavar="FILE",
-    multiple=True,
-    callback=picture_of,
-    help="Write a figure to this PNG, PDF or SVG file; may be repeated.",
+plot_option = files_option(
+    "--plot", "plot_files", callback=picture_of, help="Write a figure to this PNG, PDF or SVG file; may be repeated."
 )
 
 
@@ -116,8 +107,6 @@ def write_tables(files: Sequence[str], frame: Callable[[], Any], **form: Any) ->
 def write_plots(files: Sequence[str], draw: Callable[[Any], Any]) -> None:
     """Write a figure, drawn on one pair of axes, to these files."""
     for file in files:
-        from kinetics.support import plots
-
         plots.save(file, draw)
 
 

@@ -13,6 +13,7 @@ one value.
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -79,7 +80,6 @@ def _form(option: click.Option, value: Any) -> str:
 
 
 def _unknown(ctx: click.Context, what: str, expected: str, name: str, known: Iterable[str]) -> click.UsageError:
-    import difflib  # for slips alone
 
     near = difflib.get_close_matches(name, list(known), n=3, cutoff=0.6)
     hint = f"; did you mean {' or '.join(near)}?" if near else f"; expected one of {', '.join(sorted(known))}"

@@ -16,8 +16,12 @@ from typing import NamedTuple, TypeVar
 
 from kinetics.markov.transient import SOLVING_METHODS, Distribution, SolvingMethod
 from kinetics.network import Model, Network
+from kinetics.predicting.accuracy import AskedAccuracy
+from kinetics.predicting.adaptive import adaptive_prediction
+from kinetics.predicting.job import Job
 from kinetics.runs import EnsembleStatistics
-from kinetics.sampling import Direct, Leaping, Lockstep, SamplingMethod, simulate_statistics
+from kinetics.sampling import Direct, Leaping, Lockstep, SamplingMethod
+from kinetics.sampling.streamed import streamed
 from kinetics.support.arrays import Floats, Ints
 from kinetics.trust.accuracy.distances import Certainty, Marginals
 from kinetics.trust.accuracy.peers import ExpmMultiply, rate_equation
@@ -77,11 +81,8 @@ def sampled(method: SamplingMethod) -> Callable[[Task, float, int], Result]:
         # No run is used twice: settings are powers of ten, and 40 times one stays below 20 times the next.
         first_run = (MOST_REPEATS + repeat) * runs
         network, initial, times, seed = task
-        return _whole(
-            simulate_statistics(
-                network, method, initial, times, runs, seed, threads=1, first_run=first_run, covariances=False
-            )
-        )
+        source = method.source(network, network.state(initial), seed)
+        return _whole(streamed(network, source, times, runs, 1, first_run, covariances=False))
 
     return make
 
@@ -111,10 +112,6 @@ def solver_curve(method: type[SolvingMethod]) -> Curve:
 
 def asked(task: Task, setting: float, _: int) -> Result:
     """The answer of `predict`, by its own choice of method, at this share of the largest mean of each species."""
-    from kinetics.predicting.accuracy import AskedAccuracy
-    from kinetics.predicting.adaptive import adaptive_prediction
-    from kinetics.predicting.job import Job
-
     job = Job(Model(task.network, task.initial), task.times, seed=task.seed, threads=1)
     return _whole(adaptive_prediction(job, AskedAccuracy(setting, is_relative=True)).result)
 

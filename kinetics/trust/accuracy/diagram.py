@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,13 +16,11 @@ from kinetics.network import Model, Network
 from kinetics.runs import EnsembleStatistics
 from kinetics.support.arrays import Counts, rising_times
 from kinetics.support.datasets import dataframe
+from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import text_table
 from kinetics.trust.accuracy.curves import CURVES, Curve, Result, Task, shape_of
 from kinetics.trust.accuracy.distances import Distance, Marginals, sampling_floor
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 REFERENCE = Transient(tolerance=1e-16)
 FIRST_RUNS, MOST_RUNS = 16.0, 5000.0  # of a pilot, which stops after about so many CPU s

@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import stats
 
 
 class Distance(NamedTuple):
@@ -72,7 +73,7 @@ class Certainty:
     values: Floats
 
     def distance(self, exact: Marginals) -> Distance:
-        """From the exact marginals: mean distance of a count from the number."""
+        """The distance from the exact marginals: mean distance of a count from the number."""
         found = []
         for value, table in zip(self.values.T, exact.tables, strict=True):
             off = np.arange(table.shape[1]) - value[:, None]
@@ -87,12 +88,10 @@ def sampling_floor(exact: Marginals, runs: int) -> float:
     The area between the distribution functions is a sum of |X / n - F| with binomial X, whose mean is known in closed
     form (De Moivre; Diaconis & Zabell 1991). The mean of the largest distance is no smaller than this.
     """
-    from scipy.stats import binom
-
     largest = 0.0
     for table in exact.tables:
         below = np.clip(np.cumsum(table, axis=1)[:, :-1], 0.0, 1.0)
-        # E|X - n F| = 2 v P(X = v) (1 - F) with v = floor(n F) + 1; where v > n, F is 1 and nothing is random
+        # E|X - n F| = 2 v P(X = v) (1 - F) with v = floor(n F) + 1; if v > n, F is 1 and nothing is random
         v = np.minimum(np.floor(runs * below) + 1, runs)
-        largest = max(largest, float((2 * v * binom.pmf(v, runs, below) * (1 - below) / runs).sum(axis=1).max()))
+        largest = max(largest, float((2 * v * stats.binom.pmf(v, runs, below) * (1 - below) / runs).sum(axis=1).max()))
     return largest

@@ -13,6 +13,7 @@ from kinetics.network import Network
 from kinetics.sampling.mass_action import mass_action
 from kinetics.support.arrays import Floats, Ints, rising_times
 from kinetics.support.memory import check_memory
+from kinetics.support.packages import integrate, sparse
 
 TOLERANCE = 1e-10  # relative, of the solver of the rate equation
 
@@ -28,15 +29,15 @@ class ExpmMultiply(SolvingMethod):
 
     def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
         """Probabilities of all reachable states. What rounding takes below zero is set to zero."""
-        from scipy.sparse.linalg import expm_multiply
-
         if grid.size < 2 or grid[0] != 0 or not np.allclose(np.diff(grid), grid[1]):
             raise ValueError(f"times {grid[:3]}...; expected evenly spaced ones from 0")
         space = reachable(network, start)
         check_memory(f"{len(space)} states at {grid.size} times", 16.0 * len(space) * grid.size, "ask for fewer times")
         certain = np.eye(1, len(space))[0]
         forward = space.generator().T.tocsr()
-        found = expm_multiply(forward, certain, start=0.0, stop=float(grid[-1]), num=grid.size, endpoint=True)
+        found = sparse.linalg.expm_multiply(
+            forward, certain, start=0.0, stop=float(grid[-1]), num=grid.size, endpoint=True
+        )
         return Distribution(space, grid, np.maximum(found, 0.0), float("nan"), is_bound=False)
 
 
@@ -45,8 +46,6 @@ def rate_equation(network: Network, initial: ArrayLike, times: ArrayLike) -> Flo
 
     Exact in the limit of many copies; for few it is off, and says nothing of the spread.
     """
-    from scipy.integrate import solve_ivp
-
     grid = rising_times(times)
     start = network.state(initial).astype(float)
     coefficients = mass_action(network).coefficients
@@ -56,7 +55,9 @@ def rate_equation(network: Network, initial: ArrayLike, times: ArrayLike) -> Flo
         return np.asarray((coefficients * np.prod(x**needed, axis=1)) @ changes)
 
     absolute = TOLERANCE * max(1.0, float(start.max()))
-    solved = solve_ivp(slope, (0.0, float(grid[-1])), start, "LSODA", t_eval=grid, rtol=TOLERANCE, atol=absolute)
+    solved = integrate.solve_ivp(
+        slope, (0.0, float(grid[-1])), start, "LSODA", t_eval=grid, rtol=TOLERANCE, atol=absolute
+    )
     if not solved.success:
         raise ValueError(f"the rate equation could not be solved until {grid[-1]:g} tu: {solved.message}")
     return solved.y.T

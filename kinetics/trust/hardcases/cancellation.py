@@ -63,7 +63,7 @@ def _beyond(solution: Distribution, exact: Floats) -> float:
 CANCELLATION = (
     Case(
         "cancellation",
-        "deaths by a law that loses digits: summed error over its bound; where none are left, there is no bound",
+        "deaths by a law that loses digits: summed error over its bound; if none are left, there is no bound",
         "closed form, 80 digits",
         _cancellation,
     ),

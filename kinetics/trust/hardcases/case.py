@@ -114,7 +114,7 @@ def sampled(
     """An answer by each sampling method, whose error is that of counts (runs, T, S); a refusal if it must refuse."""
     for kind in SAMPLING_METHODS:
         sample = partial(kind().simulate, net, start, times, runs=runs, seed=seed)
-        if kind().takes(net):
+        if kind().supports(net):
             yield attempt(kind.name + what, lambda sample=sample: error(sample().counts), allowed)
         else:
             yield refusal(kind.name + what, sample, "takes")

@@ -14,6 +14,7 @@ import numpy as np
 from kinetics.markov import Chain, Reward, chain_path, chain_path_to
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import sparse
 from kinetics.trust.hardcases.case import Attempt, Case, attempt, refusal, relative
 
 DIGITS = 1e-13
@@ -149,12 +150,13 @@ def machines(n: int, fail: float, repair: float, time: float) -> tuple[Floats, F
 
 
 def _stiff() -> Iterator[Attempt]:
-    from scipy.sparse import csr_array, eye_array, kron
 
     # Two groups of machines that know nothing of each other; 3e-2 down to 3e-8, until 3.6e8.
     time = 3.6e8
     (quick, first), (slow, second) = machines(30, 3e-4, 3e-2, time), machines(20, 3e-8, 1e-7, time)
-    generator: Any = kron(csr_array(quick), eye_array(21)) + kron(eye_array(31), csr_array(slow))
+    generator: Any = sparse.kron(sparse.csr_array(quick), sparse.eye_array(21)) + sparse.kron(
+        sparse.eye_array(31), sparse.csr_array(slow)
+    )
     law = np.outer(first, second).ravel()
     n_slow = np.tile(np.arange(21), 31)
     chain = Chain(generator, 0, {"half": n_slow >= 10})

@@ -13,6 +13,7 @@ from kinetics.markov.state_enumeration import Condition
 from kinetics.markov.transient import Dense, FiniteStateProjection, Transient
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.packages import linalg, special
 from kinetics.trust.hardcases.case import Attempt, Case, attempt, departure, network, refusal, relative, sampled, walk
 
 
@@ -124,12 +125,11 @@ def _schloegl() -> Iterator[Attempt]:
     )
     yield refusal("stationary", lambda: stationary(net, [low], max_states=2000), "X up to")
     # The distribution when both modes are filled, from the symmetrised matrix with a wall far above the upper mode.
-    from scipy.linalg import eigh_tridiagonal
 
     between, time, wall = 250, 4.0, 1000
     weights = np.concatenate([[0.0], np.cumsum(np.log(up[:wall] / down[1 : wall + 1]))])
     exits = down[: wall + 1] + np.append(up[:wall], 0.0)
-    values, vectors = eigh_tridiagonal(-exits, np.sqrt(up[:wall] * down[1 : wall + 1]))
+    values, vectors = linalg.eigh_tridiagonal(-exits, np.sqrt(up[:wall] * down[1 : wall + 1]))
     shares = (vectors[between] * np.exp(values * time)) @ vectors.T * np.exp((weights - weights[between]) / 2)
 
     def off() -> float:
@@ -142,21 +142,20 @@ def _schloegl() -> Iterator[Attempt]:
 
 
 def _erlang() -> Iterator[Attempt]:
-    from scipy.special import gammainc
 
     n = 1000
     passage = first_passage(walk(n, 1.0, 0.0), _first(n), f"p{n}")
     yield attempt("passage, mean and sd", lambda: relative([passage.mean, passage.sd], [n, n**0.5]), 1e-12)
     times = np.array([900.0, 1000.0, 1100.0])
-    yield attempt("passage, cdf", lambda: float(abs(passage.cdf(times) - gammainc(n, times)).max()), 1e-12)
+    yield attempt("passage, cdf", lambda: float(abs(passage.cdf(times) - special.gammainc(n, times)).max()), 1e-12)
     stages, last = walk(n, 1.0, 0.0), np.eye(1, n + 1, n, dtype=int)[0]
 
     def solved() -> float:
         found = Transient().solve(stages, _first(n), times).probability(last)
-        return float(abs(found - gammainc(n, times)).max())
+        return float(abs(found - special.gammainc(n, times)).max())
 
     yield attempt("exact", solved, 1e-12)
-    share = float(gammainc(n, 1000.0))
+    share = float(special.gammainc(n, 1000.0))
     yield from sampled(
         stages, _first(n), [1000.0], lambda counts: departure(counts[:, 0, n], [1 - share, share]), 200, 23
     )

@@ -14,8 +14,6 @@ from kinetics.sampling import SAMPLING_METHODS, SamplingMethod
 from kinetics.support.arrays import Ints
 from kinetics.trust.hardcases.case import CHANCE, Attempt, Case, attempt, departure, network, refusal, sampled, solved
 
-EMPTY, EMPTY_TABLE = np.zeros(0), np.zeros((0, 1), dtype=np.int64)
-
 
 def _samplers() -> Iterator[Any]:
     for method in SAMPLING_METHODS:
@@ -37,9 +35,7 @@ def _grids() -> Iterator[Attempt]:
 def _large_counts() -> Iterator[Attempt]:
     def off(counts: Ints, start: int) -> float:
         # 50 Poisson numbers of mean 20: their mean is 20 +- 4 except for a chance of 1e-9
-        return float(abs(counts[:, 0].sum(axis=1) - start).max()) + max(
-            0.0, abs(float(counts[:, 0, 1].mean()) - 20.0) - 4.0
-        )
+        return float(abs(counts[:, 0].sum(axis=1) - start).max() + max(0.0, abs(counts[:, 0, 1].mean() - 20.0) - 4.0))
 
     def missed(net: Network, start: int) -> float:
         probabilities = FiniteStateProjection(1e-12).solve(net, [start, 0], [1.0]).marginal("Y")[0]
@@ -84,16 +80,10 @@ def _nothing() -> Iterator[Attempt]:
     dying = network({"death": ({"X": 1}, {}, 1.0)})
     still: tuple[tuple[str, Network, list[int], list[float], list[int]], ...] = (
         ("t = 0", dying, [5], [0.0], [5]),
-        ("no channels", Network(("X",), (), EMPTY_TABLE, EMPTY_TABLE, EMPTY, EMPTY), [5], [3.0], [5]),
+        ("no channels", Network.from_reactions({}, [], ["X"]), [5], [3.0], [5]),
         ("propensities 0", network({"never": ({"X": 1}, {}, 0.0)}), [5], [3.0], [5]),
         ("none left", dying, [0], [3.0], [0]),
-        (
-            "A -> A",
-            Network(("X",), ("idle",), np.ones((1, 1), int), np.zeros((1, 1), int), np.ones(1), np.array([7.0])),
-            [5],
-            [3.0],
-            [5],
-        ),
+        ("A -> A", Network.from_text("idle: X -> X, 7"), [5], [3.0], [5]),
         ("below the reactants", network({"join": ({"X": 3}, {"Y": 1}, 1.0)}), [2, 0], [3.0], [2, 0]),
     )
     methods: tuple[Any, ...] = (*SAMPLING_METHODS, *SOLVING_METHODS)
@@ -101,7 +91,7 @@ def _nothing() -> Iterator[Attempt]:
         for kind in methods:
             method = kind()
             what = f"{method.name}, {name}"
-            if isinstance(method, SamplingMethod) and not method.takes(net):
+            if isinstance(method, SamplingMethod) and not method.supports(net):
                 yield refusal(what, partial(method.simulate, net, start, times), "takes")
                 continue
             yield attempt(what, partial(_away, method, net, start, times, end), 1e-13)
@@ -115,7 +105,7 @@ def _consumption() -> Iterator[Attempt]:
     net = Network.from_reactions(reactions, ["2.0"])
     strict = Network.from_reactions(reactions, ["2.0"], at_zero="refuse")
     for method in _samplers():
-        if method.takes(net):
+        if method.supports(net):
             counts = partial(method.simulate, net, [3], [1.0], runs=4000, seed=8)
             what = f"{method.name}, blocked at 0"
             yield attempt(what, lambda counts=counts: departure(counts().counts[:, 0, 0], probabilities), 1.0)

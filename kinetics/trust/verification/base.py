@@ -48,7 +48,7 @@ class SamplerCheck(ABC):
        judged has p-value 1.
     3. Import it in `kinetics.trust.verification.checks`. Report, JSON and the contract in
        tests/contracts/test_sampler_checks.py read the tuple made there.
-    4. Where no mutant in `kinetics.trust.verification.mutants` makes the mistake that it is for, add one.
+    4. If no mutant in `kinetics.trust.verification.mutants` makes the mistake that it is for, add one.
 
     `verify` gives every check an equal share of the false alarms, and every finding an equal share of its check's.
 

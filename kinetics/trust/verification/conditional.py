@@ -1,4 +1,4 @@
-"""What is expected at a later time from every state now: the master equation backwards, with its error."""
+"""Conditional means at a later time from every state now: the backward master equation, with its error."""
 
 from __future__ import annotations
 

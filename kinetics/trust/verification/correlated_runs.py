@@ -27,7 +27,7 @@ class CorrelatedRuns(SamplerCheck):
     sees = "runs or seeds that share random numbers, so that runs are correlated without being equal"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
-        """Of every species at every time, or of the first 24 species."""
+        """Yield findings of every species at every time, or of the first 24 species."""
         reference, n = sample.reference, sample.runs
         last_of_gap = slice(reference.parts - 1, None, reference.parts)
         rows = sample.rows, sample.fine_rows[:, last_of_gap], sample.next_fine_rows[:, last_of_gap]

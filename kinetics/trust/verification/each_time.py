@@ -23,7 +23,7 @@ class EachTime(SamplerCheck):
     sees = "a wrong distribution at one of the times, as a whole or in its moments"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
-        """Of every time: likely states, the rest, species, products of two species, and the whole distribution."""
+        """Yield findings of every time: likely states, the rest, species, products of two, the whole distribution."""
         for t, time in enumerate(sample.reference.solution.times):
             yield from _states(sample, t, f"at {time:g} tu")
             yield from _species(sample, t, f"at {time:g} tu")

@@ -29,7 +29,7 @@ class PathChoices(SamplerCheck):
     sees = "channels that fire in wrong proportions, even if they change the counts in the same way"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
-        """Of the paths of the seed, for every channel, or the first 64."""
+        """Yield findings of the paths of the seed, for every channel, or the first 64."""
         channels = sample.reference.network.channels[:MOST_CHANNELS]
         fired, expected, capital = _capital(sample.paths, len(channels))
         for r, channel in enumerate(channels):

@@ -31,7 +31,7 @@ class PathWaits(SamplerCheck):
     sees = "waits that are not exponential, come from random numbers of few bits, or recur in other runs or seeds"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
-        """Of the paths of the seed, and for equal waits of the next one as well."""
+        """Yield findings of the paths of the seed, and for equal waits of the next one as well."""
         own, others = _waits(sample.paths), _waits(sample.next_paths)
         yield _gap("waits are exponential", -np.expm1(-own.waits), 0.0)
         # Where the clock itself is coarser than 32 bits there is nothing to see.

@@ -17,7 +17,7 @@ class PathsAgree(SamplerCheck):
     sees = "counts that belong to other runs than the paths of the same seed and number"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
-        """Of the seed at its times and at fine times, and of the next seed."""
+        """Yield findings of the seed at its times and at fine times, and of the next seed."""
         reference = sample.reference
         for what, paths, times, counts in (
             ("at the times", sample.paths, reference.solution.times, sample.counts),

@@ -23,7 +23,7 @@ class RateScores(SamplerCheck):
     sees = "a rate constant, multiplicity or number of combinations that is slightly off"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
-        """Of every channel; none of networks with rate laws or too many channels."""
+        """Yield the findings of every channel; none of networks with rate laws or too many channels."""
         for score in sample.reference.scores:
             values = np.zeros(sample.runs)
             for t, table in score.tables:

@@ -27,7 +27,7 @@ class RepeatedRuns(SamplerCheck):
     sees = "runs that occur more than once, in one seed or in two consecutive ones"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
-        """At the times, at fine times, and of neighbouring seeds at fine times."""
+        """Yield findings at the times, at fine times, and of neighbouring seeds at fine times."""
         reference = sample.reference
         yield from _within("at all times", _labels(sample.counts), reference.repeat_at_times)
         p = reference.repeat_at_fine_times

@@ -53,7 +53,7 @@ class Verification(Shown):
     false_alarm : largest probability that a correct sampler fails any check
     error : error of the exact probabilities, which the checks allow for
     is_bound : whether that error is proven; otherwise it is an estimate, and so is the false-alarm rate
-    mutants : which mistakes, made to these runs, were seen; none where power was not asked for
+    mutants : which mistakes, made to these runs, were seen; none if power was not asked for
     rates : how small an error of each rate constant is seen
     unbounded : channels whose rates have no proven error; the reference then is an estimate
 

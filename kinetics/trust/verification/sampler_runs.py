@@ -1,4 +1,4 @@
-"""What a sampler did: its runs at the times, at fine times under two neighbouring seeds, and event by event."""
+"""The runs of a sampler under test: at the times, at fine times under two neighbouring seeds, and event by event."""
 
 from __future__ import annotations
 

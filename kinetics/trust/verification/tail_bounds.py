@@ -7,6 +7,7 @@ from math import exp, inf, log, log1p, log2, sqrt
 import numpy as np
 
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.packages import special
 
 PRIORS = (0.1, 1.0, 10.0, 100.0)  # weights of the Dirichlet priors that are mixed, in numbers of observations
 
@@ -16,20 +17,16 @@ def binomial(hits: Ints, trials: Ints | int, probabilities: Floats, error: float
 
     error : of the probabilities (K,); the largest p-value within it is taken
     """
-    from scipy.special import betainc
-
     k, n = np.asarray(hits, dtype=float), np.asarray(trials, dtype=float)
     low, high = np.clip(probabilities - error, 0.0, 1.0), np.clip(probabilities + error, 0.0, 1.0)
-    most = np.where(k < n, betainc(np.maximum(n - k, 1.0), k + 1.0, 1.0 - low), 1.0)  # P(at most k hits)
-    least = np.where(k > 0, betainc(np.maximum(k, 1.0), n - k + 1.0, high), 1.0)  # P(at least k hits)
+    most = np.where(k < n, special.betainc(np.maximum(n - k, 1.0), k + 1.0, 1.0 - low), 1.0)  # P(at most k hits)
+    least = np.where(k > 0, special.betainc(np.maximum(k, 1.0), n - k + 1.0, high), 1.0)  # P(at least k hits)
     return np.asarray(np.minimum(2.0 * np.minimum(most, least), 1.0))
 
 
 def at_least(hits: int, trials: int, probability: float) -> float:
     """Exact probability of at least so many hits among independent trials, each of at most this probability."""
-    from scipy.special import betainc
-
-    return float(betainc(hits, trials - hits + 1.0, min(probability, 1.0))) if hits > 0 else 1.0
+    return float(special.betainc(hits, trials - hits + 1.0, min(probability, 1.0))) if hits > 0 else 1.0
 
 
 def bennett(deviation: float, variance: float, width: float, runs: int, error: float = 0.0) -> float:
@@ -72,11 +69,9 @@ def rare_events(number: int, expected: float) -> float:
 
     The expected number of sets of m events that all happen is at most expected**m / m!.
     """
-    from scipy.special import gammaln
-
     if number == 0:
         return 1.0
-    return 0.0 if expected == 0.0 else exp(min(number * log(expected) - float(gammaln(number + 1.0)), 0.0))
+    return 0.0 if expected == 0.0 else exp(min(number * log(expected) - float(special.gammaln(number + 1.0)), 0.0))
 
 
 def disjoint_pairs(number: int, members: int, probability: float) -> float:
@@ -84,14 +79,12 @@ def disjoint_pairs(number: int, members: int, probability: float) -> float:
 
     The expected number of sets of m disjoint equal pairs: n! / ((n - 2m)! m! 2**m) * probability**m.
     """
-    from scipy.special import gammaln
-
     if number == 0:
         return 1.0
     if probability == 0.0:
         return 0.0
     n, m = float(members), float(number)
-    ways = gammaln(n + 1.0) - gammaln(n - 2.0 * m + 1.0) - gammaln(m + 1.0) - m * log(2.0)
+    ways = special.gammaln(n + 1.0) - special.gammaln(n - 2.0 * m + 1.0) - special.gammaln(m + 1.0) - m * log(2.0)
     return exp(min(float(ways) + m * log(probability), 0.0))
 
 
@@ -102,12 +95,15 @@ def log_evidence(hits: Ints, probabilities: Floats, error: float) -> float:
     By Markov's inequality exp(-log) is a p-value of the whole distribution, for any number of cells and hits, and
     e-values of independent parts multiply (Grünwald, de Heide & Koolen 2024, doi:10.1093/jrsssb/qkae011).
     """
-    from scipy.special import gammaln
-
     n = float(hits.sum())
     weights = np.array(PRIORS)[:, None] * n
-    parts = gammaln(weights * probabilities + hits) - gammaln(weights * probabilities)
-    ratios = gammaln(weights[:, 0]) - gammaln(weights[:, 0] + n) + parts.sum(axis=1) - hits @ np.log(probabilities)
+    parts = special.gammaln(weights * probabilities + hits) - special.gammaln(weights * probabilities)
+    ratios = (
+        special.gammaln(weights[:, 0])
+        - special.gammaln(weights[:, 0] + n)
+        + parts.sum(axis=1)
+        - hits @ np.log(probabilities)
+    )
     top = float(ratios.max())
     slack = float((hits / probabilities).sum()) * error + 1e-11 * n * log2(n + 2.0)  # and of gammaln
     return top + log(float(np.exp(ratios - top).mean())) - slack

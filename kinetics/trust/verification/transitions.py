@@ -24,7 +24,7 @@ RARE = 1e-12  # transitions at most as likely as that are looked at together
 class BetweenTimes(SamplerCheck):
     """Products of a function now and what a later count departs from its conditional mean: their mean is 0.
 
-    Bennett's bound from the exact variance, for spaces of any size. Where the transition probabilities are computed,
+    Bennett's bound from the exact variance, for spaces of any size. If the transition probabilities are computed,
     also each likely transition by its binomial probability, and all of them together by an e-value, given the states
     before, from each fine time to the next as well.
     """
@@ -33,7 +33,7 @@ class BetweenTimes(SamplerCheck):
     sees = "counts that do not follow from those at the time before, as if taken from another run"
 
     def findings(self, sample: SamplerRuns) -> Iterator[SamplerFinding]:
-        """Of every pair of neighbouring times."""
+        """Yield findings of every pair of neighbouring times."""
         times = sample.reference.solution.times
         for t, (begin, end) in enumerate(pairwise(times)):
             yield from _centred(sample, t, f"from {begin:g} to {end:g} tu")

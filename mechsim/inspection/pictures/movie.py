@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from kinetics.support.output import write_whole
+from kinetics.support.packages import backend_agg, mpl
 from kinetics.support.plots import save
 from mechsim.inspection.pictures.tank import Paint, draw_frame
 from mechsim.inspection.poses import Poses
@@ -40,11 +41,8 @@ def images(
     poses: Poses, frames: Sequence[int], paint: Paint = "size", tell: Callable[[int], object] = lambda _: None
 ) -> Iterator[np.ndarray]:
     """The frames as RGB pictures (HEIGHT, WIDTH, 3), uint8; `tell` hears how many are done."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI)
-    canvas = FigureCanvasAgg(figure)
+    figure = mpl.figure.Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI)
+    canvas = backend_agg.FigureCanvasAgg(figure)
     for done, frame in enumerate(frames, 1):
         figure.clear()
         # A place of its own for the legend: the tank must not move when a line is added to that.

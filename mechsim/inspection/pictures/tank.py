@@ -11,6 +11,7 @@ from kinetics.assembly import FACE_NORMALS
 from kinetics.assembly.deriving.history import alike_first
 from kinetics.assembly.drawing.drawing import Drawing
 from kinetics.assembly.drawing.pictures import FACE_COLOURS, strip
+from kinetics.support.packages import mpl
 from kinetics.support.plots import colour
 from mechsim.inspection.poses import Poses
 from mechsim.runs.record import RunRecord, book_of
@@ -47,15 +48,19 @@ def draw_tank(record: RunRecord, ax: Any, frame: int = -1, paint: Paint = "size"
 
 def draw_frame(poses: Poses, ax: Any, frame: int, paint: Paint = "size", legend: bool = True) -> Any:
     """Draw one recorded moment of poses that have been checked; returns `ax`."""
-    from matplotlib.collections import LineCollection, PolyCollection
-
     eye = EYE * poses.tank.mean() / 2
     edges = np.array(tank_edges(poses.tank / 2))
     behind = _far_edges(edges, eye)
     polygons, colours = faces_seen(poses, frame, eye, paint)
-    ax.add_collection(LineCollection(list(_project(edges[behind], eye)), colors="0.55", linewidths=0.7, zorder=1))
-    ax.add_collection(PolyCollection(list(polygons), facecolors=colours, edgecolors="0.25", linewidths=0.3, zorder=2))
-    ax.add_collection(LineCollection(list(_project(edges[~behind], eye)), colors="0.55", linewidths=0.7, zorder=3))
+    ax.add_collection(
+        mpl.collections.LineCollection(list(_project(edges[behind], eye)), colors="0.55", linewidths=0.7, zorder=1)
+    )
+    ax.add_collection(
+        mpl.collections.PolyCollection(list(polygons), facecolors=colours, edgecolors="0.25", linewidths=0.3, zorder=2)
+    )
+    ax.add_collection(
+        mpl.collections.LineCollection(list(_project(edges[~behind], eye)), colors="0.55", linewidths=0.7, zorder=3)
+    )
     if legend:
         for label, painted in labels(poses, frame, paint):
             ax.plot([], [], "s", ms=9, color=painted, mec="0.4", label=label)

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
 
 from kinetics.runs import BY_WALL
 from kinetics.support.intervals import exact_limits
+from kinetics.support.packages import optimize
 from mechsim.inspection.tail_extrapolation.loads import Loads
 from mechsim.inspection.tail_extrapolation.tails import FEWEST, WIDTH, Tail, fit_tail
 
@@ -54,13 +54,16 @@ def exponent(loads: Loads, level: float) -> SizeExponent | None:
     def fit(alpha: float) -> float:
         return float((seen @ log_size).sum() * alpha - seen.sum(axis=1) @ np.log(exposure @ np.exp(alpha * log_size)))
 
-    best = minimize_scalar(lambda alpha: -fit(alpha), bounds=(-20.0, 20.0), method="bounded", options={"xatol": 1e-7})
+    best = optimize.minimize_scalar(
+        lambda alpha: -fit(alpha), bounds=(-20.0, 20.0), method="bounded", options={"xatol": 1e-7}
+    )
 
     def drop(alpha: float) -> float:
         return 2 * (-float(best.fun) - fit(alpha)) - WIDTH**2
 
     low, high = (
-        float(brentq(drop, best.x, end)) if drop(end) > 0 else math.copysign(math.inf, end) for end in (-60.0, 60.0)
+        float(optimize.brentq(drop, best.x, end)) if drop(end) > 0 else math.copysign(math.inf, end)
+        for end in (-60.0, 60.0)
     )
     return SizeExponent(level, int(seen.sum()), float(best.x), low, high)
 

@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
 
 from kinetics.support.arrays import Floats
+from kinetics.support.packages import optimize
 
 SHAPES = (-0.9, 1.5)  # xi; below -1 there is no maximum of the likelihood
 FEWEST = 20  # excesses that a tail is fitted to
@@ -59,14 +59,14 @@ def fit_tail(loads: Floats, level: float, threshold: float) -> Tail:
         raise ValueError(f"threshold {threshold:g} is not above the level {level:g}: name a higher threshold")
 
     def best_shape(log_p: float) -> tuple[float, float]:
-        found = minimize_scalar(
+        found = optimize.minimize_scalar(
             lambda xi: -_log_likelihood(excess, distance, log_p, xi), bounds=SHAPES, method="bounded"
         )
         return -float(found.fun), float(found.x)
 
     # The maximum lies near what an exponential says, in either direction.
     guess = -distance / float(excess.mean())
-    top = minimize_scalar(lambda z: -best_shape(guess * math.exp(z))[0], bounds=(-3.0, 3.0), method="bounded")
+    top = optimize.minimize_scalar(lambda z: -best_shape(guess * math.exp(z))[0], bounds=(-3.0, 3.0), method="bounded")
     log_p = guess * math.exp(top.x)
     most, shape = best_shape(log_p)
 
@@ -78,7 +78,7 @@ def fit_tail(loads: Floats, level: float, threshold: float) -> Tail:
         outer = log_p * factor
         while drop(outer) < 0 and abs(outer) < 700 and abs(outer) > 1e-6:
             outer *= factor
-        limits.append(end if drop(outer) < 0 else float(brentq(drop, log_p, outer, rtol=1e-6)))
+        limits.append(end if drop(outer) < 0 else float(optimize.brentq(drop, log_p, outer, rtol=1e-6)))
     low, high = (math.exp(limit) if limit > -700 else 0.0 for limit in limits)
     return Tail(level, threshold, len(excess), math.exp(log_p), low, high, shape)
 

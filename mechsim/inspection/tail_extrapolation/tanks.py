@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as f_law
 
 from kinetics.runs import BY_WALL
+from kinetics.support.packages import stats
 from mechsim.inspection.tail_extrapolation.loads import Loads
 
 FEWEST_HITS = 20  # expected in a tank that is compared
@@ -63,7 +63,7 @@ def compare_tanks(runs: Sequence[Loads], tanks: Sequence[str], alpha: float) -> 
             between = ((seen - rate * whole) ** 2 / (rate * whole)).sum() / (len(seen) - 1)
             expected = own[kind[mine]] * exposure[mine]
             within = ((hits[mine] - expected) ** 2 / np.where(expected > 0, expected, 1.0)).sum() / freedom
-            p = float(f_law.sf(between / within, len(seen) - 1, freedom)) if within > 0 else 1.0
+            p = float(stats.f.sf(between / within, len(seen) - 1, freedom)) if within > 0 else 1.0
             ratio, places = seen / whole / rate, names[kept]
             low, high = int(ratio.argmin()), int(ratio.argmax())
             rows.append(

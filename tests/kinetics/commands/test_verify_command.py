@@ -25,7 +25,7 @@ class Twice(Direct):
 def test_for_people(wellmixed_here, tmp_path):
     done = wellmixed_here(*LINE, "--method", "ssa", cwd=tmp_path)
     assert done.code == 0, done.out + done.err
-    for text in ("itself, from time to time", "0 failed", "every run twice", "1 % in runs", "1+1->2"):
+    for text in ("itself, from time to time", "0 failed", "every run twice", "runs that detect 1 %", "1+1->2"):
         assert text in done.out
 
 

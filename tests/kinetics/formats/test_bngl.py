@@ -256,7 +256,7 @@ def test_without_bionetgen_it_says_what_to_do(path, monkeypatch, tmp_path):
     with pytest.raises(ValueError, match=r"there is no BNG2\.pl"):
         read(path)
     monkeypatch.delenv("BNGPATH")
-    monkeypatch.setattr("kinetics.support.extras.find_spec", lambda name: None)
+    monkeypatch.setattr("kinetics.support.packages.find_spec", lambda name: None)
     with pytest.raises(ModuleNotFoundError, match="bionetgen"):
         read(path)
     monkeypatch.setattr("kinetics.formats.bngl._program", lambda: tmp_path)

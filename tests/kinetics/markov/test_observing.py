@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from kinetics import Chain, Network, first_passage, predict_passage, scan
 from kinetics.formats import read
-from kinetics.markov import passage_sensitivity
+from kinetics.markov import sensitivity_to
 from kinetics.markov.observing import observing
 from wellmixed import main
 
@@ -32,7 +32,7 @@ def path(tmp_path):
 def said(*words):
     done = CliRunner().invoke(main, [*map(str, words), "--json"])
     assert done.exit_code == 0, done.output
-    return json.loads(done.output)
+    return json.loads(done.stdout)
 
 
 def test_the_passage_to_a_sum_is_that_to_what_it_counts(path):
@@ -43,7 +43,8 @@ def test_the_passage_to_a_sum_is_that_to_what_it_counts(path):
     assert by_sum.mean == by_species.mean
     assert (by_sum.target, by_species.target) == ("A + 2 AB >= 60", "10 AB")
     assert predict_passage(model.network, None, model.initial, {"AB": 1}, 10).mean.value == by_species.mean
-    slopes = [passage_sensitivity(model.network, model.initial, *asked) for asked in (({"AB": 2.0}, 20), ("AB", 10))]
+    questions = [sensitivity_to(model.network, model.initial, *asked) for asked in (({"AB": 2.0}, 20), ("AB", 10))]
+    slopes = [asked.passage(goal) for asked, goal in questions]
     assert slopes[0].value.tolist() == slopes[1].value.tolist()
     for more in ([], ["--sensitivity"], ["--truncate", "300"]):
         found, expected = (

@@ -299,7 +299,7 @@ def test_elimination_and_its_residuals_are_the_same(is_occupation):
     in_c, by_numba = (twins.occupy, elimination.occupy) if is_occupation else (twins.solve, elimination.solve)
     _, _, high = assert_same(in_c, by_numba, (band, exits, rng.random(n)))
     low, left = 1e-17 * rng.random(n), np.stack([rng.random(n), np.zeros(n)], axis=1)
-    by_numba = residuals.occupied if is_occupation else residuals.earned
+    by_numba = residuals.occupied if is_occupation else residuals.accumulated
     assert_same(
         lambda *arrays: twins.take_off(is_occupation, *arrays),
         by_numba,

@@ -34,7 +34,7 @@ class Unsearched(tuple):
 def whole_ring():
     names = [f"s{i}" for i in range(N)]
     reactions = {f"r{i}": ({names[i]: 1}, {names[(i + 1) % N]: 1}) for i in range(N)}
-    net = Network.from_reactions(reactions, conserved={"copies": np.ones(N)})
+    net = replace(Network.from_reactions(reactions), conserved={"copies": np.ones(N)})
     object.__setattr__(net, "species", Unsearched(net.species))
     object.__setattr__(net, "channels", Unsearched(net.channels))
     return net

@@ -226,7 +226,6 @@ def test_reactions_by_name():
         ({"x": "A + B -> C"}, {}, "reaction 'x' is 'A . B -> C'; expected copies needed and made.*Network.from_text"),
         ({"x": ({"A": 1},)}, {}, "reaction 'x' is .*expected copies needed and made"),
         ({}, {}, "at least one species"),
-        ({"x": ({"A": 1}, {})}, {"conserved": {"mass": [1]}}, "changes the conserved quantity 'mass' by -1"),
     ],
 )
 def test_bad_reactions(reactions, keywords, message):

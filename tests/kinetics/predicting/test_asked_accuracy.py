@@ -20,7 +20,7 @@ from kinetics.predicting.job import Job
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.sampled_way import RunsUntil, runs_for_distributions
 from kinetics.predicting.solved_ways import error_reached, is_endless, largest_counts, tolerance_for
-from kinetics.predicting.stopping_rule import Look
+from kinetics.predicting.stopping_rule import InterimLook
 from kinetics.predicting.tuning import FIRST_RUNS, LEVEL, MOST_FIRST, ROWS
 from kinetics.predicting.ways import AccuracyWay, Attained
 from kinetics.rates import ChannelRate, Convention, Rates
@@ -134,7 +134,7 @@ def test_what_a_look_says_of_one_figure_by_hand(of):
     counts = np.random.default_rng(1).poisson(np.repeat([3.0, 40.0], [56, 8]))
     tally = Tally(DECAY, np.array([1.0]), kept_pairs(1, False))
     tally.add(counts[:, None, None])
-    look = Look(AskedAccuracy(0.5, False, of), tally, counts[:, None, None], np.zeros((1, 1), bool), 1)
+    look = InterimLook(AskedAccuracy(0.5, False, of), tally, counts[:, None, None], np.zeros((1, 1), bool), 1)
     away = counts - counts.mean()
     values, sd = away if of == "mean" else away**2 - (away**2).mean(), counts.std(ddof=1)
     tolerance = 0.5 if of == "mean" else sd**2 - (sd - 0.5) ** 2
@@ -154,7 +154,7 @@ def test_errors_of_variances_count_once_where_distances_from_the_mean_are_alike(
         rows = 100 + np.concatenate([away, -away])[:, None]
         tally = Tally(network, np.array([1.0]), kept_pairs(40, False))
         tally.add(rows)
-        look = Look(AskedAccuracy(0.5, False, "sd"), tally, rows, np.zeros((1, 40), bool), 1)
+        look = InterimLook(AskedAccuracy(0.5, False, "sd"), tally, rows, np.zeros((1, 40), bool), 1)
         needed.append(look.fixed(0.05) / look.ratios.max() ** 2)
     assert needed[1] > 1.7 * needed[0]
 
@@ -166,7 +166,7 @@ def test_wide_bins_neither_hide_nor_add_an_error():
     tally, asked = Tally(model, [1.0], kept_pairs(1)), AskedAccuracy(0.1, True)
     tally.add(counts)
     assert tally.shift.min() == 4
-    look = Look(asked, tally, counts[-64:], np.zeros((1, 1), bool), 1)
+    look = InterimLook(asked, tally, counts[-64:], np.zeros((1, 1), bool), 1)
     mean, variance, third = counts.mean(), counts.var(ddof=1), np.mean((counts - counts.mean()) ** 3)
     tolerance = asked.tolerances(np.array([[mean]]))[0]
     error = np.sqrt((variance + third / variance * tolerance) / len(counts))
@@ -181,7 +181,7 @@ def test_a_spread_within_a_bin_counts(monkeypatch):
     tally, asked = Tally(model, [1.0], kept_pairs(1)), AskedAccuracy(10.0, False)
     tally.add(counts)
     assert tally.shift.min() == 14
-    ratio = Look(asked, tally, counts[:64], np.zeros((1, 1), bool), 1).ratios[0, 0]
+    ratio = InterimLook(asked, tally, counts[:64], np.zeros((1, 1), bool), 1).ratios[0, 0]
     assert ratio > np.sqrt(counts.var() / len(counts)) / 10
 
 
@@ -430,8 +430,6 @@ def test_an_accuracy_that_nothing_reaches_is_refused(given, message):
     [
         ({"accuracy": "1%", "method": "ssa"}, "together with an accuracy, which chooses method and runs itself"),
         ({"accuracy": "1%", "runs": 10}, "together with an accuracy, which chooses method and runs itself"),
-        ({"budget": 3.0}, "a budget without an accuracy; a budget limits the cost of an accuracy"),
-        ({"accuracy": "1%", "budget": 0.0}, "expected a positive number of seconds"),
     ],
 )
 def test_contradictions_are_refused(options, message):
@@ -447,12 +445,14 @@ def test_an_accuracy_below_the_last_digit_of_the_counts_is_refused():
 def test_an_accuracy_of_what_is_refused():
     with pytest.raises(ValueError, match="accuracy of 'median'; expected that of mean, sd, distribution"):
         AskedAccuracy(0.1, of="median")
+    with pytest.raises(ValueError, match="budget = 0; expected a positive number of seconds"):
+        AskedAccuracy(0.1, budget=0.0)
 
 
 def test_the_cost_beyond_the_budget_is_told_before_the_work_starts():
-    lines = []
+    lines, asked = [], AskedAccuracy(1e-5, is_relative=True, budget=1.0)
     with pytest.raises(ValueError, match=r"beyond the budget of 1 s of CPU time.* which runs may reach"):
-        predict(line(), None, [1000, 0, 0, 0], [50.0], accuracy="0.001%", budget=1.0, progress=lines.append)
+        predict(line(), None, [1000, 0, 0, 0], [50.0], accuracy=asked, progress=lines.append)
     made = [int(text.split()[0]) for text in lines if "of about" in text]
     assert max(made) <= MOST_FIRST  # those alone that forecast the cost
 

@@ -136,7 +136,7 @@ def test_what_does_not_fit_is_refused():
     channels["4->2+2"] |= {"exposures": (1.0, 2.0, 3.0, 4.0, 5.0)}
     refuse(rates_file("collision-wall", channels=channels), r"4->2\+2 has exposure = .*add up to 180: give that number")
     product = {"combinations": "product"}
-    refuse(rates_file("collision", convention=product), "which the convention 'product' does not")
+    refuse(rates_file("collision", convention=product), "unlike the convention 'product'")
     for breaks, words in (
         ({"model": "shaking"}, "unknown break model 'shaking'; expected one of first-order, collision"),
         ({"shape": {}, "posterior": {"points": [[1.0]], "weights": [1.0]}}, "expected none"),

@@ -256,7 +256,6 @@ def test_histograms_take_bounded_memory():
         ({"times": [2.0, 1.0]}, "times must rise"),
         ({"initial": [1, 0]}, "state has shape"),
         ({"seed": -1}, "seed = -1"),
-        ({"first_run": -1}, "first_run = -1"),
         ({"model": bare_line()}, "no rate constants"),
     ],
 )

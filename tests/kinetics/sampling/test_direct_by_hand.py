@@ -16,7 +16,7 @@ from kinetics.kernels.direct import advance
 from kinetics.kernels.ensemble_work import EVENTS, LOOK, RUN, ensemble_work
 from kinetics.kernels.members import NAMING, Members, member_at
 from kinetics.kernels.outcomes import REACHED_END, UNFINISHED
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.sampling import exposures_of_draws
 from kinetics.sampling.base import stream_key
 from kinetics.sampling.direct import RecomputingSampler
@@ -128,7 +128,7 @@ def test_counts_on_a_grid_are_those_by_hand(net, initial, end):
 
 @pytest.mark.parametrize(("net", "initial", "end"), CASES.values(), ids=CASES)
 def test_events_and_exposures_are_those_by_hand(net, initial, end):
-    ((events, exposures),) = exposures_of_draws(net, net.known_rates[None], initial, end, 2, 12, first_run=3)
+    ((events, exposures),) = exposures_of_draws(Model.of(net, initial), net.known_rates[None], end, 2, 12, first_run=3)
     for i, run in enumerate((3, 4)):
         times, channels, states = by_hand(net, initial, end, run)
         waits = np.diff(np.concatenate([[0.0], times, [end]]))
@@ -149,7 +149,7 @@ def test_a_run_of_more_events_than_a_buffer_goes_on():
     grid = np.array([1.0, 30.0, 52.0])
     RecomputingSampler(net).ensemble(np.array([50]), grid, KEY, 1, out, Watch(grid))
     assert_array_equal(out[0], states[np.searchsorted(times, [1.0, 30.0, 52.0])])
-    ((events, exposures),) = exposures_of_draws(net, net.known_rates[None], [50], 52.0, 1, 12, first_run=1)
+    ((events, exposures),) = exposures_of_draws(Model.of(net, [50]), net.known_rates[None], 52.0, 1, 12, first_run=1)
     assert_array_equal(events[0], np.bincount(channels))
     waits = np.diff(np.concatenate([[0.0], times, [52.0]]))
     assert_allclose(exposures[0], waits @ net.combinations_of(states), rtol=1e-10)
@@ -226,7 +226,7 @@ def test_a_count_beyond_its_type_stops_the_run_that_it_is_in():
     assert len(times) == 2
     assert_array_equal(watch.stops[first + 1].counts, full + 2)
     with pytest.raises(ValueError, match=f"run {first + 1}: a count"):
-        list(exposures_of_draws(net, [[1.0]], full, 1.5, 9, 12, first_run=first))
+        list(exposures_of_draws(Model.of(net, full), [[1.0]], 1.5, 9, 12, first_run=first))
 
 
 def test_what_cannot_happen_does_not_where_the_draw_is_zero():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from known_systems import line
 
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.sampling import (
     Auto,
     Direct,
@@ -38,7 +38,7 @@ def three_of_one_kind():
 @pytest.mark.parametrize("runs", [3, 20])  # lockstep makes few runs one by one
 def test_runs_are_those_of_each_network(method, runs):
     constants = draws_of(4)
-    made = list(simulate_posterior(line(), constants, START, TIMES, runs, seed=5, method=method, first_run=7))
+    made = list(simulate_posterior(Model.of(line(), START), constants, TIMES, runs, seed=5, method=method, first_run=7))
     for d, (counts, drawn) in enumerate(zip(made, constants, strict=True)):
         expected = method.simulate(line().with_rates(drawn), START, TIMES, runs, seed=5, first_run=7 + d * runs)
         np.testing.assert_array_equal(counts, expected.counts)
@@ -47,24 +47,24 @@ def test_runs_are_those_of_each_network(method, runs):
 
 def test_draws_may_come_in_parts_and_in_threads():
     constants = draws_of(40)
-    whole = list(simulate_posterior(line(), constants, START, TIMES, 3, seed=5))
-    later = list(simulate_posterior(line(), constants[30:], START, TIMES, 3, seed=5, first_run=30 * 3))
-    threads = list(simulate_posterior(line(), constants, START, TIMES, 3, seed=5, threads=2))
+    whole = list(simulate_posterior(Model.of(line(), START), constants, TIMES, 3, seed=5))
+    later = list(simulate_posterior(Model.of(line(), START), constants[30:], TIMES, 3, seed=5, first_run=30 * 3))
+    threads = list(simulate_posterior(Model.of(line(), START), constants, TIMES, 3, seed=5, threads=2))
     np.testing.assert_array_equal(whole[30:], later)
     np.testing.assert_array_equal(whole, threads)
-    other = list(simulate_posterior(line(), constants, START, TIMES, 3, seed=6))
+    other = list(simulate_posterior(Model.of(line(), START), constants, TIMES, 3, seed=6))
     assert not np.array_equal(whole, other)
 
 
 def test_only_the_draws_asked_for_are_made():
     """Ctrl-C, or a reader that stops, keeps what was made."""
-    assert len(list(islice(simulate_posterior(line(), draws_of(10**5), START, TIMES, 2), 3))) == 3
+    assert len(list(islice(simulate_posterior(Model.of(line(), START), draws_of(10**5), TIMES, 2), 3))) == 3
 
 
 def test_sums_of_counts():
     weights = np.array([[1, 1], [2, 0], [3, 0], [4, 0]])
-    plain = next(simulate_posterior(line(), draws_of(1), START, TIMES, 3))
-    (sums,) = simulate_posterior(line(), draws_of(1), START, TIMES, 3, weights=weights)
+    plain = next(simulate_posterior(Model.of(line(), START), draws_of(1), TIMES, 3))
+    (sums,) = simulate_posterior(Model.of(line(), START), draws_of(1), TIMES, 3, weights=weights)
     np.testing.assert_array_equal(sums, plain @ weights)
     assert (sums[:, :, 0] == 60).all()
 
@@ -75,7 +75,8 @@ def test_sums_of_counts():
 def test_events_and_exposures_are_those_of_the_paths(network, start, end):
     constants = network.known_rates * np.array([[1.0], [2.0]])
     runs = 2
-    for d, (events, exposures) in enumerate(exposures_of_draws(network, constants, start, end, runs, 3, first_run=9)):
+    made = exposures_of_draws(Model.of(network, start), constants, end, runs, 3, first_run=9)
+    for d, (events, exposures) in enumerate(made):
         for i in range(runs):
             drawn = network.with_rates(constants[d])
             path = Direct().sample_path(drawn, start, end, seed=3, run=9 + d * runs + i)
@@ -89,7 +90,7 @@ def test_events_and_exposures_are_those_of_the_paths(network, start, end):
 def test_exposures_meet_the_events_on_average():
     """Events less rate times exposure is a martingale: its mean over 4,000 runs is 0 within 5 of its errors."""
     constants = np.tile(line().known_rates, (200, 1))
-    made = list(exposures_of_draws(line(), constants, START, 2000.0, 20, seed=1))
+    made = list(exposures_of_draws(Model.of(line(), START), constants, 2000.0, 20, seed=1))
     events, exposures = (np.concatenate(part) for part in zip(*made, strict=True))
     for factor, is_right in ((1.0, True), (1.1, False)):
         off = events - factor * line().known_rates * exposures
@@ -105,14 +106,14 @@ def test_bad_input():
         (np.full((1, 8), -1.0), "at least 0"),
     ):
         with pytest.raises(ValueError, match=message):
-            next(simulate_posterior(line(), constants, START, TIMES, 2))
+            next(simulate_posterior(Model.of(line(), START), constants, TIMES, 2))
     with pytest.raises(ValueError, match="runs = 0"):
-        next(simulate_posterior(line(), draws_of(1), START, TIMES, 0))
+        next(simulate_posterior(Model.of(line(), START), draws_of(1), TIMES, 0))
     with pytest.raises(ValueError, match="times is empty"):
-        next(simulate_posterior(line(), draws_of(1), START, [], 1))
+        next(simulate_posterior(Model.of(line(), START), draws_of(1), [], 1))
     with pytest.raises(ValueError, match="weights has shape"):
-        next(simulate_posterior(line(), draws_of(1), START, TIMES, 1, weights=np.ones((3, 1))))
+        next(simulate_posterior(Model.of(line(), START), draws_of(1), TIMES, 1, weights=np.ones((3, 1))))
     law = Network.from_reactions({"grow": ({}, {"A": 1})}, ["1 + A"])
     with pytest.raises(ValueError, match="mass action"):
-        next(exposures_of_draws(law, [[1.0]], [0], 1.0, 1))
-    assert next(simulate_posterior(law, [[1.0]], [0], [1.0], 2)).shape == (2, 1, 1)
+        next(exposures_of_draws(Model.of(law, [0]), [[1.0]], 1.0, 1))
+    assert next(simulate_posterior(Model.of(law, [0]), [[1.0]], [1.0], 2)).shape == (2, 1, 1)

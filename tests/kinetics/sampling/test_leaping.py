@@ -16,7 +16,7 @@ from numpy.testing import assert_array_equal
 from sampled_networks import ENZYME, MIXED, PRODUCTS, THIRD_ORDER, ring
 from scipy.stats import binom, poisson, uniform
 
-from kinetics import Auto, Direct, Leaping, Lockstep, Network, Transient, verify
+from kinetics import Auto, Direct, Leaping, Lockstep, Model, Network, Transient, verify
 from kinetics.kernels import leap_plan, leaping
 from kinetics.kernels.leap_limits import LARGEST_COUNT
 from kinetics.kernels.outcomes import REACHED_END
@@ -248,7 +248,7 @@ def test_auto_looks_at_the_counts():
     assert_array_equal(found.counts, chosen.counts)
     assert found.method == "auto (leaping)"
     assert simulate_statistics(by_counts, "auto", many, times, runs=20, seed=3).method == "auto (leaping)"
-    (drawn,) = simulate_posterior(by_counts, by_counts.known_rates[None], many, times, 20, 3)
+    (drawn,) = simulate_posterior(Model.of(by_counts, many), by_counts.known_rates[None], times, 20, 3)
     assert_array_equal(drawn, chosen.counts)
     path = Auto().sample_path(by_counts, many, 2e-6, seed=3, run=7)
     assert path.times.size > 50

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sampled_networks import MIXED, PRODUCTS, THIRD_ORDER
 
 from kinetics import Transient
-from kinetics.network import Network
+from kinetics.network import Model, Network
 from kinetics.rates.breaks import break_model
 from kinetics.sampling import Direct, Lockstep, exposures_of_draws, sample_path, simulate_posterior
 from kinetics.sampling import merging as merging_module
@@ -184,7 +184,7 @@ def test_members_fire_by_their_shares():
 def test_paths_and_exposures_name_the_same_members():
     """The path itself refuses an event without its reactants; events are those of the exposures."""
     start = [40, 0, 0, 5]
-    seen, _ = next(iter(exposures_of_draws(COLLIDING, [COLLIDING.known_rates], start, 900.0, 5, seed=44)))
+    seen, _ = next(iter(exposures_of_draws(Model.of(COLLIDING, start), [COLLIDING.known_rates], 900.0, 5, seed=44)))
     for run in range(5):
         path = sample_path(COLLIDING, start, 900.0, seed=44, run=run)
         assert_array_equal(np.bincount(path.channels, minlength=len(COLLIDING.channels)), seen[run])
@@ -194,7 +194,9 @@ def test_paths_and_exposures_name_the_same_members():
 def test_draws_are_runs_of_the_network_with_their_constants():
     """Powers of two keep rounding the same in whichever order factors are taken."""
     constants = COLLIDING.known_rates * np.array([[1.0], [2.0], [0.5]])
-    made = simulate_posterior(COLLIDING, constants, [40, 0, 0, 5], [300.0, 900.0], 20, seed=45, method=Lockstep())
+    made = simulate_posterior(
+        Model.of(COLLIDING, [40, 0, 0, 5]), constants, [300.0, 900.0], 20, seed=45, method=Lockstep()
+    )
     for d, counts in enumerate(made):
         alone = Lockstep().simulate(
             COLLIDING.with_rates(constants[d]), [40, 0, 0, 5], [300.0, 900.0], 20, seed=45, first_run=20 * d

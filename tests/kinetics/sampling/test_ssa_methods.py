@@ -325,9 +325,9 @@ def test_a_network_of_too_many_groups_is_not_taken_and_auto_takes_another(monkey
     """Each place of the ring owns two channels: a group of its own."""
     monkeypatch.setattr(rejection_method, "MOST_GROUPS", 200)
     at, beyond = ring(200), ring(201)
-    assert CompositionRejection().takes(at)
+    assert CompositionRejection().supports(at)
     assert isinstance(Auto(many=False).choose(at), CompositionRejection)
-    assert not CompositionRejection().takes(beyond)
+    assert not CompositionRejection().supports(beyond)
     assert not isinstance(Auto(many=False).choose(beyond), CompositionRejection)
     with pytest.raises(ValueError, match="201 groups of channels; the method 'rejection' takes at most 200"):
         CompositionRejection().simulate(beyond, [1] * 201, [1.0], runs=1)
@@ -337,7 +337,7 @@ def test_a_large_order_among_many_channels_is_left_to_general(monkeypatch):
     """The other methods read a table of channels times the highest order."""
     net = network(("A", "B"), {"meet": ((6, 0), (0, 1)), "back": ((0, 1), (6, 0))}, [0.5, 1.0])
     monkeypatch.setattr(SamplingMethod, "most_factors", 12)
-    assert Direct().takes(net)
+    assert Direct().supports(net)
     monkeypatch.setattr(SamplingMethod, "most_factors", 11)
     for method in (Direct(), Lockstep(), CompositionRejection()):
         with pytest.raises(ValueError, match="channel 'meet' has 6 reactants, among 2 channels; the method"):
@@ -350,7 +350,7 @@ def test_more_like_reactants_than_sampling_takes_are_refused(counted):
     for order, is_taken in ((1000, True), (1001, False), (2**40, False)):
         net = network(("A",), {"all": ((order,), (0,))}, [1e-300], counted)
         for method in (Direct(), General(), Auto()):
-            assert method.takes(net) == is_taken
+            assert method.supports(net) == is_taken
     refused = f"channel 'all' needs {2**40} copies of one species; sampling takes at most"
     with pytest.raises(ValueError, match=refused):
         Direct().simulate(net, [5], [1.0], runs=1)

@@ -11,7 +11,7 @@ from known_systems import line, network
 from numpy.testing import assert_array_equal
 from sampled_networks import MIXED, THIRD_ORDER
 
-from kinetics import Network, predict, simulate, simulate_statistics
+from kinetics import Model, Network, predict, simulate, simulate_statistics
 from kinetics.kernels import outcomes
 from kinetics.runs import TruncatedRunsError
 from kinetics.sampling import SAMPLING_METHODS, Leaping, exposures_of_draws, simulate_posterior, watch
@@ -47,8 +47,8 @@ def hasty(monkeypatch, events):
 @named
 def test_runs_are_the_same_however_often_kernels_return(method, name, monkeypatch):
     net, initial, end = CASES[name]
-    if not method.takes(net) or (method == LEAPS_ALONE and net is STILL):
-        pytest.skip(method.refusal(net) or "it leaps for ever")
+    if not method.supports(net) or (method == LEAPS_ALONE and net is STILL):
+        pytest.skip(method.unsupported_reason(net) or "it leaps for ever")
     times = np.linspace(0.0, end, 5)
     expected = method.simulate(net, initial, times, runs=20, seed=3, first_run=4).counts
     path = method.sample_path(net, initial, end, seed=3, run=6)
@@ -65,8 +65,8 @@ def test_draws_are_the_same_however_often_kernels_return(monkeypatch):
     constants = np.outer([1.0, 2.0], net.known_rates)
 
     def everything():
-        counts = list(simulate_posterior(net, constants, initial, [10.0, 100.0], runs=9, seed=3, threads=2))
-        both = list(exposures_of_draws(net, constants, initial, 100.0, runs=9, seed=3))
+        counts = list(simulate_posterior(Model.of(net, initial), constants, [10.0, 100.0], runs=9, seed=3, threads=2))
+        both = list(exposures_of_draws(Model.of(net, initial), constants, 100.0, runs=9, seed=3))
         return [*counts, *(table for pair in both for table in pair)]
 
     expected = everything()

@@ -258,7 +258,7 @@ def test_a_rate_one_percent_off_is_seen_in_the_stated_number_of_runs(many_copies
 @pytest.mark.parametrize(("net", "initial", "times"), [case[1:] for case in FEW], ids=[case[0] for case in FEW])
 def test_every_rate_one_percent_off_is_seen_in_the_stated_number_of_runs(method, net, initial, times):
     """For rates that need up to 300,000 runs."""
-    if not method().takes(net):
+    if not method().supports(net):
         pytest.skip("the method does not take this network")
     reference = Reference.of(net, initial, times)
     for rate in verify_against(reference, method(), 100, with_power=False).rates:

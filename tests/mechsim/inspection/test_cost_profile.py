@@ -79,7 +79,7 @@ def test_effects_in_the_engine_cost_what_it_takes_less_without_them(clocked, mon
     assert cost["reading back"] == pytest.approx(costs["reading back"] / 1e3 - 0.04)
     assert cost["drag"] == pytest.approx(costs["drag"] / 1e3)
     assert sum(cost.values()) + told.rest == pytest.approx(told.whole) == pytest.approx(sum(costs.values()) / 1e3)
-    assert "taken off their lines" in str(told)
+    assert "subtracted from their lines" in str(told)
 
 
 def test_blocks_that_another_process_broke_into_are_left_out(clocked, monkeypatch):
@@ -97,7 +97,7 @@ def test_blocks_that_another_process_broke_into_are_left_out(clocked, monkeypatc
     told = cost_profile(world, "broken", blocks=40, warm_up=0, clock=clock)
     assert told.whole == pytest.approx(sum(costs.values()) / 1e3)
     monkeypatch.setattr(profiles, "_breaks", lambda: next(calls))
-    with pytest.raises(RuntimeError, match="try when it is calm"):
+    with pytest.raises(RuntimeError, match="try again on an idle machine"):
         cost_profile(world, "busy", blocks=4, warm_up=0, clock=clock)
 
 

@@ -11,14 +11,13 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from dataclasses import asdict
 from pathlib import Path
 
 import fake_runs
 import pytest
 from command_line import run_here
-from fake_runs import FakeSpec, execute, pids, record_of, specs_of, starts
+from fake_runs import FakeSpec, execute, is_alive, pids, record_of, specs_of, starts, wait_for
 
 from mechsim.runs.ensemble import run_all
 from mechsim.runs.executors import Dask, cluster
@@ -53,21 +52,6 @@ def dask(two_workers):
     """The executor, with both workers up."""
     two_workers.wait_for_workers(2, timeout=300)
     return Dask(two_workers.scheduler_address)
-
-
-def wait_for(condition, seconds=300):
-    """Until it holds; the limit is only there to end a broken test."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it never came to that"
-        time.sleep(0.02)
-
-
-def is_alive(pid):
-    try:
-        return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2]
-    except FileNotFoundError:
-        return False
 
 
 def test_a_worker_killed_in_the_middle_of_a_run_costs_nothing_but_time(tmp_path, dask):

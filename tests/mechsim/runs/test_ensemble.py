@@ -14,7 +14,7 @@ from types import SimpleNamespace
 
 import fake_runs
 import pytest
-from fake_runs import FakeSpec, begun, execute, pids, record_of, specs_of, starts
+from fake_runs import FakeSpec, begun, execute, is_alive, pids, record_of, specs_of, starts, wait_for
 
 from mechsim.runs.ensemble import TRIES, run_all
 from mechsim.runs.executors import processes
@@ -25,21 +25,6 @@ from mechsim.runs.store import RunStore, digest_of
 from mechsim.scene import Scene
 
 ROOT = Path(__file__).parents[3]
-
-
-def wait_for(condition, seconds=300):
-    """Until it holds; the limit is only there to end a broken test."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it never came to that"
-        time.sleep(0.01)
-
-
-def is_alive(pid):
-    try:
-        return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2]
-    except FileNotFoundError:
-        return False
 
 
 def driver(folder, specs, workers=2, timeout=60):

@@ -138,7 +138,7 @@ def test_points_that_are_not_there(choice, said):
         ([factor("numerics.solver_iterations", [50.5], "iterations")], {}, "whole number"),
         ([factor("cubes.edge", [2.5], "edge")], {}, "the tank holds"),
         ([factor("cubes.edge", [3.5], "edge")], {"cubes": 1}, "the tank holds"),
-        ([factor(), factor()], {}, "stands twice"),
+        ([factor(), factor()], {}, "appears twice"),
         ([factor(), factor(name="again")], {}, "two factors vary one setting"),
         ([factor("agitation.hold", [0.0107], "hold")], {}, "not a whole number of steps"),
         ([{"name": "n", "label": "n", "levels": [1.0]}], {}, "expected a `setting`"),

@@ -114,7 +114,7 @@ def test_medians_and_means_with_censored_runs():
 
 
 def test_too_little_is_refused():
-    with pytest.raises(ValueError, match="0 of 10 first times were seen"):
+    with pytest.raises(ValueError, match="0 of 10 first times were observed"):
         exponents([np.full(2, np.inf)] * 5, LEVELS[:, None], 9.0)
     with pytest.raises(ValueError, match="at too few points"):
         exponents([np.array([1.0, 2.0, 3.0])], np.array([[40.0]]), 9.0)

@@ -297,7 +297,7 @@ def test_the_time_limit_counts_from_the_start_of_the_process(tmp_path, monkeypat
         asked.update(arguments)
         raise UndecidedError
 
-    monkeypatch.setattr("kinetics.assembly.compiler.compile_book", compile_late)
+    monkeypatch.setattr("kinetics.commands.compile.compile_book", compile_late)
     for started in (0.0, 4.0):
         monkeypatch.setattr("kinetics.commands.compile.time_since_start", lambda started=started: started)
         now = time.monotonic()

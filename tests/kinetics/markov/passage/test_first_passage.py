@@ -120,17 +120,6 @@ def test_bound_of_the_standard_deviation(n):
     assert abs(float(Fraction(law.sd) ** 2 / variance - 1)) / 2 <= law.sd_error < 1e-11 * n
 
 
-def test_variance_of_a_walk_with_drift():
-    # From the second moments, by dense algebra in the textbook's way.
-    n = 6
-    law = first_passage(walk(n), np.eye(1, n + 1, dtype=int)[0], f"place{n}")
-    Q = np.diag([1.0] * (n - 1), 1) + np.diag([2.0] * (n - 1), -1)
-    Q -= np.diag([1.0] + [3.0] * (n - 1))
-    first = np.linalg.solve(-Q, np.ones(n))
-    second = np.linalg.solve(-Q, 2 * first)
-    assert_allclose(law.sd, np.sqrt(second[0] - first[0] ** 2), rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("table", "mean", "sd"),
     [("table3", 95.44, 58.54), ("table3_geometric", 47.72, 29.29), ("table3_literal", 29.64, 18.44)],

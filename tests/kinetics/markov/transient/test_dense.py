@@ -5,12 +5,11 @@ from math import comb
 
 import numpy as np
 import pytest
-from known_systems import decay, line, network, switch
+from known_systems import line, network, switch
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 from scipy.special import gammaln
 
-from kinetics import Transient
 from kinetics.markov.transient import Dense, reachable
 from kinetics.markov.transient.certificate import Entries, distance, exact_entries
 from kinetics.markov.transient.dense import estimated_error, exponential_action
@@ -209,15 +208,6 @@ def test_poisson_tails():
     assert_allclose(np.log(p[2, 40]), -20 + 40 * np.log(20) - gammaln(41), rtol=1e-13)
 
 
-def test_against_scipy_and_uniformisation():
-    law = Dense().solve(line(), [12, 0, 0, 0], [3.0, 40.0, 2000.0])
-    other = Transient().solve(line(), [12, 0, 0, 0], [3.0, 40.0, 2000.0])
-    assert abs(law.probabilities - other.probabilities).sum(axis=1).max() < law.error + other.error
-    Q = law.space.generator().toarray()
-    for time, row in zip(law.times, law.probabilities, strict=True):
-        assert abs(row - expm(Q * time)[0]).sum() < law.error + 1e-12
-
-
 def test_many_times_are_each_as_good_as_one():
     times = np.geomspace(1e-6, 1e6, 40)
     together = Dense().solve(switch(3.0, 1e5), [4, 0], times)
@@ -231,9 +221,6 @@ def test_nothing_happens():
     p = exponential_action(nothing, start, times)
     assert_allclose(p, [[0.25, 0.75]] * 2, rtol=0)
     assert distance(entries(nothing), start, times, p) == estimated_error(nothing, start, times, p) == 0.0
-    frozen = network(("A",), {"never": ((1,), (0,))}, [0.0])
-    assert_allclose(Dense().solve(frozen, [3], [1.0]).probabilities, [[1.0]])
-    assert_allclose(Dense().solve(decay(), [1], [0.0]).probabilities, [[1.0, 0.0]])
 
 
 def test_too_many_states():

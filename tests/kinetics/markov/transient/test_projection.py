@@ -88,11 +88,6 @@ def test_several_species_without_end():
     assert abs(law.probabilities[0] - exact).sum() + 1 - exact.sum() < law.error + 1e-12 < 1.1e-7
 
 
-def test_nothing_happens():
-    law = FiniteStateProjection().solve(decay(), [0], [1.0, 5.0])
-    assert_allclose(law.probabilities, [[1.0], [1.0]])
-
-
 def test_refusals():
     with pytest.raises(TooManyStatesError, match=r"over 100 states matter: \d+ held all .* \(X \d+ to \d+\), and more"):
         FiniteStateProjection(max_states=100).solve(births_and_deaths(1000.0, 1.0), [0], [5.0])

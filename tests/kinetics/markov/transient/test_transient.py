@@ -134,12 +134,6 @@ def test_joint_moments_are_those_of_a_multinomial():
         assert_allclose(np.sqrt(np.diagonal(law.covariance(), axis1=1, axis2=2)), law.sd(), rtol=1e-12)
 
 
-def test_starting_points():
-    law = solve(line(), Transient(), [1, 0, 0, 0], [0.0, 5.0])  # nothing can happen
-    assert_array_equal(law.probabilities, [[1.0], [1.0]])
-    assert_array_equal(law.sd(), np.zeros((2, 4)))
-
-
 def test_reading_a_distribution():
     law = solve(line(), Transient(), [12, 0, 0, 0], [100.0, 900.0])
     states, p = law.space.states, law.probabilities
