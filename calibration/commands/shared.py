@@ -64,7 +64,7 @@ def given_options() -> dict[str, str]:
 
 
 def refuse_what_a_plan_fixes(plan: str, *names: str) -> None:
-    """ValueError where an option of these parameters was given beside a plan."""
+    """ValueError if an option of these parameters was given beside a plan."""
     given = given_options()
     for name in names:
         if name in given:

@@ -101,7 +101,7 @@ class Calibration(Shown):
 
     @property
     def headline(self) -> str:
-        """Of how many channels, from how many runs."""
+        """One line: the numbers of channels and runs."""
         return f"rates of {len(self.network.channels)} channels from {len(self.runs)} runs"
 
     def summary(self) -> ResultTable:

@@ -26,7 +26,7 @@ class CalibrationStudy:
     evidence : what a rates file says of them
     source, made : where the rates come from, and how the runs were made, in words
     breaks : name of a break model, or `auto` for the one that the runs choose; None: breaks as they were counted
-    within : tu, longest time between the two breaks of one collision; None where the runs do not resolve it
+    within : tu, longest time between the two breaks of one collision; None if the runs do not resolve it
     bonds : per run (E, 2), the two cubes of each event; None where they are not known
     problems : runs that were left out, in words
     """
@@ -48,7 +48,7 @@ class CalibrationStudy:
 
     @cached_property
     def break_models(self) -> BreakComparison | None:
-        """Break models fitted to the runs; None where none was asked for, or nothing breaks."""
+        """Break models fitted to the runs; None if none was asked for, or nothing breaks."""
         return None if self.breaks is None else BreakComparison.asked_for(self.breaks, self.paths, self.within)
 
     @cached_property
@@ -104,7 +104,7 @@ class ClassStudy:
 
     @cached_property
     def spreads(self) -> tuple[ClassSpread, ...]:
-        """Of each constant, whether it serves all that is pooled in it."""
+        """The tests of each constant: does it fit all the channels pooled in it?"""
         return class_spreads(self.books, self.calibration)
 
     @cached_property

@@ -22,7 +22,7 @@ from mechsim.scene import Scene
 
 
 def check_measurable(scene: Scene, sizes: Sequence[int]) -> None:
-    """ValueError where assembly from so many single cubes could not show every channel, however long it runs."""
+    """ValueError if assembly from so many single cubes could not show every channel, however long it runs."""
     book, derivation = book_of(scene.rules)
     network = derivation.network
     if book.seed() is not None:

@@ -47,7 +47,7 @@ def make_growth_plan(request: PlanRequest, join: float, cost: Cost) -> PlannedSt
     check_starts([RunSpec(scene, start, request.duration, request.seed, 0) for start in starts.values()])
 
     def joins(cubes: int, duration: float, factor: float = 1.0) -> float:
-        """In a run, mean."""
+        """Mean number of joins in a run."""
         start = {derivation.structures[name]: n for name, n in starts[cubes].items()}
         grown = grow(book, ClassRates.uniform(factor * join), start, duration, GROWTHS, request.seed)
         if grown.interrupted:  # fewer runs make no plan

@@ -70,7 +70,7 @@ class PlanRequest:
 class HeldOutTest:
     """The power of held-out runs of one size for one group of channels.
 
-    needed : runs that reach the power; None where `held_out.MOST_RUNS` do not
+    needed : runs that reach the power; None if `held_out.MOST_RUNS` do not
     limit : power that no number of runs exceeds, because the calibration leaves its uncertainty
     """
 
@@ -80,7 +80,7 @@ class HeldOutTest:
     limit: float
 
     def to_dict(self, runs: int) -> dict[str, Any]:
-        """With so many runs planned, ready for JSON."""
+        """The power with so many runs planned, ready for JSON."""
         return {
             "cubes": self.cubes,
             "group": self.power.group,
