@@ -8,7 +8,6 @@ import importlib
 import sys
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 
@@ -22,7 +21,8 @@ def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[st
 
     @cache
     def homes() -> dict[str, str]:
-        return homes_in(Path(str(sys.modules[package].__file__)).read_text(encoding="utf-8"))
+        loader: Any = sys.modules[package].__loader__
+        return homes_in(loader.get_source(package))
 
     def public() -> list[str]:
         return sorted([*homes(), *({"__version__"} & vars(sys.modules[package]).keys())])

@@ -281,7 +281,7 @@ CORPUS = Path(__file__).parents[2] / "kinetics/corpus"
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("nul_in_a_name", "column 'run' has a text with the character U+0000"),
+        ("nul_in_a_name", "column 'run' has a text with the invisible character U+0000"),
         ("rows_without_end", "10000000 rows of 2 columns; at most 10000000 cells are read"),
     ],
 )

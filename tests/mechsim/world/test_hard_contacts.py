@@ -175,7 +175,7 @@ def test_fluid_that_is_not_a_number_is_found_in_the_body_it_drags(make_world, li
     world = make_world({"monomer": 3}, line4)
     world.step()
     world.sources["agitation"].flow[1, 0, 0] = np.nan
-    with pytest.raises(Stopped, match=r"effect 'drag' made .*: body 1 \(cube 1\) at"):
+    with pytest.raises(Stopped, match=r"effect 'drag' produced .*: body 1 \(cube 1\) at"):
         world.step()
 
 
