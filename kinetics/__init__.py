@@ -52,12 +52,12 @@ if TYPE_CHECKING:
     from kinetics.rates.breaks import break_model as break_model
     from kinetics.runs import RESTART as RESTART
     from kinetics.runs import Ensemble as Ensemble
-    from kinetics.runs import EnsembleStatistics as EnsembleStatistics
     from kinetics.runs import FirstTimes as FirstTimes
     from kinetics.runs import JumpPath as JumpPath
     from kinetics.sampling import Auto as Auto
     from kinetics.sampling import CompositionRejection as CompositionRejection
     from kinetics.sampling import Direct as Direct
+    from kinetics.sampling import EnsembleStatistics as EnsembleStatistics
     from kinetics.sampling import General as General
     from kinetics.sampling import Leaping as Leaping
     from kinetics.sampling import Lockstep as Lockstep

@@ -12,7 +12,7 @@ from kinetics.predicting.job import Job
 from kinetics.predicting.sampled_way import EnoughRuns
 from kinetics.predicting.solved_ways import AllStates, Projection, largest_counts
 from kinetics.predicting.ways import AccuracyWay, Attained, Goal
-from kinetics.runs import EnsembleStatistics
+from kinetics.sampling.statistics import EnsembleStatistics
 
 WAYS: tuple[type[AccuracyWay], ...] = (AllStates, Projection, EnoughRuns)
 

@@ -20,8 +20,8 @@ from kinetics.network import Network
 from kinetics.network.network import is_homogeneous
 from kinetics.predicting import tuning
 from kinetics.predicting.first_runs import SeenRates
-from kinetics.runs.statistics import Tally
 from kinetics.sampling.run_source import RunSource
+from kinetics.sampling.statistics import Tally
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.tables import counted
 

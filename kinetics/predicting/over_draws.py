@@ -11,11 +11,10 @@ import numpy as np
 
 from kinetics.network import Model
 from kinetics.predicting.job import Job
-from kinetics.runs import EnsembleStatistics
-from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling import SamplingMethod, simulate_posterior
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.outlook import Outlook
+from kinetics.sampling.statistics import EnsembleStatistics, Tally, kept_pairs
 from kinetics.sampling.streamed import unbroken
 from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints, rising_times, whole_number

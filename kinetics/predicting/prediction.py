@@ -15,9 +15,10 @@ from kinetics.predicting.job import Job
 from kinetics.predicting.methods import method_of
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, RunsOverDraws, runs_over_draws
-from kinetics.runs import EnsembleStatistics, Truncation
+from kinetics.runs import Truncation
 from kinetics.sampling import Auto, SamplingMethod
 from kinetics.sampling.forecast import forecast_runs
+from kinetics.sampling.statistics import EnsembleStatistics
 from kinetics.sampling.streamed import streamed
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support import plots

@@ -17,10 +17,10 @@ from kinetics.predicting.job import Job
 from kinetics.predicting.stopping_rule import InterimLook
 from kinetics.predicting.tuning import FIRST_RUNS, LEVEL
 from kinetics.predicting.ways import AccuracyWay, Attained, Goal
-from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.runs.truncation import TruncatedRunsError
 from kinetics.sampling import Auto, SamplingMethod
 from kinetics.sampling.run_source import RunSource
+from kinetics.sampling.statistics import Tally, kept_pairs
 from kinetics.sampling.streamed import unbroken
 from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Ints

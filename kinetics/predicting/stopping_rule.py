@@ -29,7 +29,7 @@ from kinetics.predicting import tuning
 from kinetics.predicting.accuracy import AskedAccuracy
 from kinetics.predicting.forced_firings import ForcedFirings
 from kinetics.predicting.tuning import DRAWN, LEVEL
-from kinetics.runs.statistics import Tally
+from kinetics.sampling.statistics import Tally
 from kinetics.support.arrays import Floats, Ints
 
 

@@ -13,7 +13,7 @@ from kinetics.support.arrays import Floats
 
 if TYPE_CHECKING:
     from kinetics.markov.transient import Distribution
-    from kinetics.runs import EnsembleStatistics
+    from kinetics.sampling.statistics import EnsembleStatistics
 
 
 @dataclass

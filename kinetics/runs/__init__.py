@@ -1,8 +1,7 @@
-"""Records of runs: jump paths, ensembles of counts, and their statistics."""
+"""Records of runs: jump paths, ensembles of counts, and first times."""
 
 from kinetics.runs.first_times import FirstTimes
 from kinetics.runs.paths import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, Ensemble, JumpPath
-from kinetics.runs.statistics import EnsembleStatistics
 from kinetics.runs.truncation import TruncatedRunsError, Truncation
 
 __all__ = [
@@ -12,7 +11,6 @@ __all__ = [
     "NO_BREAK",
     "RESTART",
     "Ensemble",
-    "EnsembleStatistics",
     "FirstTimes",
     "JumpPath",
     "TruncatedRunsError",

@@ -1,4 +1,4 @@
-"""Exact stochastic simulation, one file per method."""
+"""Exact stochastic simulation, one file per method, and statistics of its runs."""
 
 from kinetics.sampling.auto import Auto
 from kinetics.sampling.base import SamplingMethod
@@ -11,6 +11,7 @@ from kinetics.sampling.lockstep import Lockstep
 from kinetics.sampling.methods import SAMPLING_METHODS, sample_path, simulate
 from kinetics.sampling.partial import PartialPropensities
 from kinetics.sampling.rejection import CompositionRejection
+from kinetics.sampling.statistics import EnsembleStatistics
 from kinetics.sampling.streamed import simulate_statistics
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "Auto",
     "CompositionRejection",
     "Direct",
+    "EnsembleStatistics",
     "General",
     "Leaping",
     "Lockstep",

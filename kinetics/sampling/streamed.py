@@ -11,11 +11,10 @@ from dataclasses import replace
 from numpy.typing import ArrayLike
 
 from kinetics.network import Model, Network
-from kinetics.runs import EnsembleStatistics
-from kinetics.runs.statistics import Tally, kept_pairs
 from kinetics.sampling.base import SamplingMethod, check_numbers
 from kinetics.sampling.methods import sampling_method
 from kinetics.sampling.run_source import RunSource
+from kinetics.sampling.statistics import EnsembleStatistics, Tally, kept_pairs
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Counts, some_times
 

@@ -29,8 +29,10 @@ TRIES = 20  # blocks for one that no other process has broken into
 INSIDE = ("engine", "reading back")
 
 BY_PAIRS = "effect, by pairs"
-PAIRS = "by pairs: how much less the engine and reading back take in the same tank without it; subtracted from "
-"their lines\n\n"
+PAIRS = (
+    "by pairs: how much less the engine and reading back take in the same tank without it; "
+    "subtracted from their lines\n\n"
+)
 
 Parts = Sequence[tuple[str, Callable[[], object]]]
 Clock = Callable[[], int]

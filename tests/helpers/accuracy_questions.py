@@ -15,7 +15,7 @@ from kinetics.predicting.first_runs import first_runs
 from kinetics.predicting.forced_firings import force_firings
 from kinetics.predicting.job import Job
 from kinetics.predicting.sampled_way import RunsUntil
-from kinetics.runs import EnsembleStatistics
+from kinetics.sampling.statistics import EnsembleStatistics
 
 SIZES = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
 KINDS = ("closed", "open", "stiff", "large", "book")

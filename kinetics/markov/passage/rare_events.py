@@ -96,7 +96,7 @@ def rare_event(
     initial : counts at time 0 that go before the model's; None for these
     level : function of states (n, S) with values (n,) that rise on the way to the event, as lambda states: states[:, 0]
     runs : number of runs begun at each stage
-    ValueError: no way to the event was found, or wrong input
+    ValueError: the event was not reached, or wrong input
 
     In importance splitting (Kahn & Harris 1951), runs of each stage start where earlier runs entered it, a share of
     them reaches the next stage, and the probability is the product of the shares. A stage is a chance of the event

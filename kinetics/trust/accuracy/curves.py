@@ -19,8 +19,8 @@ from kinetics.network import Model, Network
 from kinetics.predicting.accuracy import AskedAccuracy
 from kinetics.predicting.adaptive import adaptive_prediction
 from kinetics.predicting.job import Job
-from kinetics.runs import EnsembleStatistics
 from kinetics.sampling import Direct, Leaping, Lockstep, SamplingMethod
+from kinetics.sampling.statistics import EnsembleStatistics
 from kinetics.sampling.streamed import streamed
 from kinetics.support.arrays import Floats, Ints
 from kinetics.trust.accuracy.distances import Certainty, Marginals

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from kinetics.markov.transient import Distribution, Transient
 from kinetics.network import Model, Network
-from kinetics.runs import EnsembleStatistics
+from kinetics.sampling.statistics import EnsembleStatistics
 from kinetics.support.arrays import Counts, rising_times
 from kinetics.support.datasets import dataframe
 from kinetics.support.packages import pd

@@ -59,7 +59,7 @@ def _limits() -> Iterator[Attempt]:
     )
     yield refusal("exact, tolerance 1e-30", lambda: Transient(tolerance=1e-30), "tolerance")
     yield refusal("fsp, tolerance 1e-16", lambda: FiniteStateProjection(1e-16), "tolerance")
-    yield refusal("rare event, no way", partial(rare_event, switch, [1, 0], _copies, 2, 1e-9, 200), "no way")
+    yield refusal("rare event, no way", partial(rare_event, switch, [1, 0], _copies, 2, 1e-9, 200), "was not reached")
     yield refusal("transient, too stiff and large", lambda: Transient().solve(switch, [2500, 0], [1e9]), "too stiff")
     yield refusal("dense, rate * time beyond numbers", lambda: Dense().solve(switch, [1, 0], [1e200]), "beyond what")
     yield refusal(

@@ -24,9 +24,9 @@ from kinetics.predicting.stopping_rule import InterimLook
 from kinetics.predicting.tuning import FIRST_RUNS, LEVEL, MOST_FIRST, ROWS
 from kinetics.predicting.ways import AccuracyWay, Attained
 from kinetics.rates import ChannelRate, Convention, Rates
-from kinetics.runs import statistics
-from kinetics.runs.statistics import Tally, kept_pairs
+from kinetics.sampling import statistics
 from kinetics.sampling.cost_model import NetworkSize
+from kinetics.sampling.statistics import Tally, kept_pairs
 
 FALSE_ALARM = 1e-6
 DECAY = Network.from_text("A -> 0, 0.1")

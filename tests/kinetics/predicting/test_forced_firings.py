@@ -14,7 +14,7 @@ from kinetics.predicting.first_runs import SeenRates, first_runs
 from kinetics.predicting.forced_firings import force_firings
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.tuning import LEVEL
-from kinetics.runs.statistics import Tally, kept_pairs
+from kinetics.sampling.statistics import Tally, kept_pairs
 
 FALSE_ALARM = 1e-6
 BURST = Network.from_text("burst: G -> G + 100 M, 0.001\nwaver: 0 -> A, 5\nA -> 0, 1")

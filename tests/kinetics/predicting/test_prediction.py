@@ -10,8 +10,7 @@ from kinetics.predicting import over_draws, predict_passage
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.prediction import evidence_notes
 from kinetics.rates import ChannelRate, Convention, Rates
-from kinetics.runs import statistics
-from kinetics.sampling import run_source
+from kinetics.sampling import run_source, statistics
 from kinetics.sampling.run_source import RunSource
 
 TIMES = [50.0, 400.0]

@@ -115,13 +115,13 @@ def test_frames_are_spread_with_both_ends(poses):
         ({"pose_times": None, "centres": None, "axes": None, "slots": None}, "no poses were recorded"),
         ({"axes": None}, "it lacks axes"),
         ({"centres": np.zeros((7, 6, 3))}, "centres has shape"),
-        ({"centres": np.full((7, 7, 3), np.nan)}, "no finite number"),
+        ({"centres": np.full((7, 7, 3), np.nan)}, "not finite"),
         ({"axes": np.zeros((7, 7, 3, 3))}, "length one"),
         ({"slots": np.full((7, 7), 7)}, "from 0 to 6"),
         ({"slots": np.zeros((7, 7))}, "whole numbers"),
         ({"pose_times": np.arange(7.0)[::-1]}, "ascend"),
         ({"pose_times": np.arange(6.0)}, "damaged"),
-        ({"pose_times": np.array(list("abcdefg"))}, "no finite number"),
+        ({"pose_times": np.array(list("abcdefg"))}, "not finite"),
     ],
 )
 def test_damaged_poses_are_told_apart_from_none(record, change, message):

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics import kernels
 from kinetics.native import twins
 from kinetics.network import Network
-from kinetics.runs.marginal import Marginal
 from kinetics.runs.truncation import Truncation
+from kinetics.sampling.marginal import Marginal
 from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, read_only, rising_times
 from kinetics.support.datasets import dataframe_over_times, dataset

@@ -8,10 +8,9 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose, assert_array_equal
 
 from kinetics import Auto, Direct, Lockstep, simulate, simulate_statistics
-from kinetics.runs import statistics
-from kinetics.runs.statistics import MOST_BINS, Tally, kept_pairs
-from kinetics.sampling import run_source
+from kinetics.sampling import run_source, statistics
 from kinetics.sampling.run_source import RunSource
+from kinetics.sampling.statistics import MOST_BINS, Tally, kept_pairs
 from kinetics.support import memory
 
 TIMES = [0.0, 20.0, 300.0]
