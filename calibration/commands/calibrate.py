@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -16,15 +16,22 @@ from calibration.commands.shared import (
     sizes_option,
     time_option,
 )
+from calibration.commands.tables import breaks_table, class_rates_table, rates_table
+from calibration.estimating.study import CalibrationStudy, ClassStudy
+from calibration.observed.study import observed_study
+from calibration.pipeline.calibration_study import check_measurable, run_calibration, run_class_calibration
+from calibration.pipeline.study_runs import StudyRuns
+from calibration.reporting.overview import calibration_report
+from kinetics.commands.models import is_network_file, network_of_book
+from kinetics.formats import read
+from kinetics.network import Tank
+from kinetics.rates.breaks import break_model
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import HEADING, NumbersCommand, echo_json, heading, json_option
 from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, or_study_folder
 from mechsim.commands.options import run_options
-
-if TYPE_CHECKING:
-    from calibration.estimating.study import CalibrationStudy, ClassStudy
-    from calibration.pipeline.study_runs import StudyRuns
+from mechsim.runs.record import book_of
 
 MODES = ("channels", "classes", "events")
 # Options that mean something in some modes only
@@ -120,9 +127,6 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
     the copies of each species; end marks its end, and restart that it was put back to its start. See
     docs/observed_events.md.
     """
-    from calibration.commands.tables import breaks_table, class_rates_table, rates_table
-    from calibration.estimating.study import CalibrationStudy, ClassStudy
-    from kinetics.rates.breaks import break_model
 
     if how["breaks"] not in (None, "auto"):
         break_model(how["breaks"])
@@ -141,8 +145,6 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
         study = found
     study.rates.save(out)
     if report and isinstance(study, CalibrationStudy):
-        from calibration.reporting.overview import calibration_report
-
         calibration_report(study).write(report, data=True)
     if as_json:
         echo_json({"out": out} | study.to_dict() | ({} if isinstance(study, ClassStudy) else {"seed": seed}))
@@ -166,10 +168,6 @@ def refuse_for(mode: str) -> None:
 
 def observed(sources: list[str], how: dict[str, Any]) -> CalibrationStudy:
     """What a table of events says of a rule book or a network file; --cubes counts only where it was given."""
-    from calibration.observed.study import observed_study
-    from kinetics.commands.models import is_network_file, network_of_book
-    from kinetics.formats import read
-    from kinetics.network import Tank
 
     source, table = sources
     network, single = (read(source).network, None) if is_network_file(source) else network_of_book(source)
@@ -184,7 +182,6 @@ def observed(sources: list[str], how: dict[str, Any]) -> CalibrationStudy:
 
 def runs_of(sources: list[str], how: dict[str, Any]) -> list[StudyRuns]:
     """The runs of each scene or plan. ValueError: an option that the plans state themselves."""
-    from calibration.pipeline.study_runs import StudyRuns
 
     asked = {"sizes": how["cubes"]} | {name: how[name] for name in ("runs", "duration", "seed")}
     parts = [StudyRuns.asked_for(source, "calibration", **asked) for source in dict.fromkeys(sources)]
@@ -195,7 +192,6 @@ def runs_of(sources: list[str], how: dict[str, Any]) -> list[StudyRuns]:
 
 def is_seeded(runs: StudyRuns) -> bool:
     """Whether their book grows from a seed, so that channels are not measured one by one."""
-    from mechsim.runs.record import book_of
 
     return book_of(runs.scene.rules)[0].seed_letter is not None
 
@@ -204,7 +200,6 @@ def of_runs(
     mode: str, parts: list[StudyRuns], how: dict[str, Any], as_json: bool
 ) -> CalibrationStudy | ClassStudy | None:
     """What mechanics runs say; None where only a share of them was to be made, or those missing to be listed."""
-    from calibration.pipeline.calibration_study import check_measurable, run_calibration, run_class_calibration
 
     if mode == "channels" and parts[0].plan is None:
         check_measurable(parts[0].scene, parts[0].sizes)

@@ -9,10 +9,16 @@ import click
 
 from calibration.commands.shared import leave, seed_option
 from calibration.commands.tables import comparison_table, rates_table
+from calibration.pipeline.calibration_study import run_calibration
+from calibration.pipeline.held_out_study import run_validation
+from calibration.pipeline.study_runs import StudyRuns, pictured_run
+from calibration.reporting.overview import full_report
 from kinetics.support.cli.declared import default_option
 from kinetics.support.cli.failures import keep_runs
 from kinetics.support.cli.options import echo_json, json_option
 from mechsim.commands.options import executor_options, progress_option
+from mechsim.inspection.pictures.tank import draw_tank
+from mechsim.scene import Scene
 
 if TYPE_CHECKING:
     from mechsim.runs.executors import Executor
@@ -39,12 +45,6 @@ if TYPE_CHECKING:
 @json_option
 def demo(folder: str, scale: float, workers: Executor, progress: bool | None, seed: int, as_json: bool) -> None:
     """Calibrate, predict and validate line4 on a small budget of mechanics runs, and write report.html."""
-    from calibration.pipeline.calibration_study import run_calibration
-    from calibration.pipeline.held_out_study import run_validation
-    from calibration.pipeline.study_runs import StudyRuns, pictured_run
-    from calibration.reporting.overview import full_report
-    from mechsim.inspection.pictures.tank import draw_tank
-    from mechsim.scene import Scene
 
     if not 0.02 <= scale <= 100:
         raise ValueError(f"--scale {scale}; expected a number from 0.02 to 100")

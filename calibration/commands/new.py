@@ -9,6 +9,7 @@ import click
 
 from calibration.commands.plan import asked_of_a_plan
 from calibration.commands.shared import seed_option, sizes_option
+from calibration.pipeline.new_study import new_study
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import POSITIVE, default_option
 from kinetics.support.cli.options import NumbersCommand, echo_json, json_option
@@ -42,7 +43,6 @@ def new(target: str, folder: str | None, time_limit: float, as_json: bool, **wan
     time 0; --along then has no effect. The commands simulate, calibrate, predict and validate need no argument but the
     folder.
     """
-    from calibration.pipeline.new_study import new_study
 
     asked = {name: value for name, value in wanted.items() if value != ()}
     with progress_line():

@@ -9,12 +9,19 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from calibration.commands.shared import Decorator, out_option, seed_option, sizes_option, time_option
+from calibration.pipeline.pilot import Pilot
+from calibration.pipeline.planned import PlanRequest
+from calibration.pipeline.planner import make_plan
+from calibration.pipeline.run_costs import RunCosts
+from kinetics.rates import Rates
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import POSITIVE, default_option
 from kinetics.support.cli.options import NumbersCommand, echo_json, json_option, plot_option
 from kinetics.support.cli.progress import progress_line
 from kinetics.support.cli.study_folder import PLAN, RUNS, SCENE, or_study_folder
+from kinetics.support.plots import save
 from mechsim.commands.options import executor_options, progress_option, runs_option
+from mechsim.scene import Scene
 
 if TYPE_CHECKING:
     from mechsim.runs.executors import Executor
@@ -125,13 +132,6 @@ def plan(
     from a short trial, and so depend on the machine. If the budget is too small, the plan that fits is written, with a
     note on where it falls short.
     """
-    from calibration.pipeline.pilot import Pilot
-    from calibration.pipeline.planned import PlanRequest
-    from calibration.pipeline.planner import make_plan
-    from calibration.pipeline.run_costs import RunCosts
-    from kinetics.rates import Rates
-    from kinetics.support.plots import save
-    from mechsim.scene import Scene
 
     request = PlanRequest(name=Path(out).stem, scene=scene, seed=seed, **wanted)
     costs = RunCosts(runs_folder)

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+from calibration.estimating.break_comparison import BreakComparison, shape_in_words
+from calibration.estimating.class_spread import flagged
+from calibration.estimating.diagnosing.diagnosis import Diagnosis
+from calibration.estimating.study import CalibrationStudy, ClassStudy
+from calibration.pipeline.held_out_study import GrowthStudy, ValidationStudy
+from calibration.reporting.overview import about_not_seen
 from calibration.validating.predictive import shown_p
+from kinetics.rates import about_priors
 from kinetics.support.tables import figure, inverse, of_unit, text_table
-
-if TYPE_CHECKING:
-    from calibration.estimating.break_comparison import BreakComparison
-    from calibration.estimating.diagnosing.diagnosis import Diagnosis
-    from calibration.estimating.study import CalibrationStudy, ClassStudy
-    from calibration.pipeline.held_out_study import GrowthStudy, ValidationStudy
 
 
 def breaks_table(compared: BreakComparison) -> str:
     """Break models side by side, and why one was chosen, for people."""
-    from calibration.estimating.break_comparison import shape_in_words
 
     rows = [
         (
@@ -44,7 +43,6 @@ def breaks_table(compared: BreakComparison) -> str:
 
 def rates_table(study: CalibrationStudy) -> str:
     """Rates with intervals, and which channels were not seen, for people."""
-    from calibration.reporting.overview import about_not_seen
 
     rows = [
         (
@@ -80,7 +78,6 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
 
 def comparison_table(study: ValidationStudy) -> str:
     """One line a size, for people."""
-    from kinetics.rates import about_priors
 
     rows = []
     for row in study.summary():
@@ -154,7 +151,6 @@ def _event_table(study: ValidationStudy) -> str:
 
 def class_rates_table(study: ClassStudy) -> str:
     """Class rates with intervals, how they were shared, and where one constant does not serve, for people."""
-    from calibration.estimating.class_spread import flagged
 
     rows = [
         (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -14,14 +14,23 @@ from calibration.commands.shared import (
     sizes_option,
     time_option,
 )
+from calibration.commands.tables import comparison_table, growth_tables
+from calibration.pipeline.bars import Bar, bars
+from calibration.pipeline.held_out_study import (
+    GrowthStudy,
+    ValidationStudy,
+    check_held_out,
+    run_growth_validation,
+    run_validation,
+)
+from calibration.pipeline.study_runs import StudyRuns
+from calibration.reporting.overview import validation_report
+from kinetics.rates import ClassRates, Rates, are_by_class
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.options import NumbersCommand, echo_json, json_option, picture_of, table_of, write_tables
 from kinetics.support.cli.study_folder import PLAN, RUNS, is_filled, or_study_folder, rates_of
 from mechsim.commands.options import run_options
-
-if TYPE_CHECKING:
-    from calibration.pipeline.bars import Bar
 
 
 @click.command(cls=NumbersCommand)
@@ -103,16 +112,6 @@ def validate(
     distance of a run from the predicted distribution, in copies; it is shown beside the model's score against its own
     runs. Exit code 4: some runs were stopped by the guard or given up.
     """
-    from calibration.commands.tables import comparison_table, growth_tables
-    from calibration.pipeline.held_out_study import (
-        GrowthStudy,
-        ValidationStudy,
-        check_held_out,
-        run_growth_validation,
-        run_validation,
-    )
-    from calibration.pipeline.study_runs import StudyRuns
-    from kinetics.rates import ClassRates, Rates, are_by_class
 
     asked = {"sizes": how["cubes"]} | {name: how[name] for name in ("runs", "duration", "seed")}
     runs = StudyRuns.asked_for(scene, "held_out", **asked)
@@ -139,8 +138,6 @@ def validate(
     else:
         study = run_validation(runs, rates, folder, **common)
         if runs.plan is not None:
-            from calibration.pipeline.bars import bars
-
             control = run_validation(runs, Rates.load(control_name), folder, **common) if control_name else None
             cleared = bars(runs.plan.verdict, study, control)
         told = {"plan": runs.plan and runs.plan.name, "seed": runs.seed, "rules": [bar.to_dict() for bar in cleared]}
@@ -150,8 +147,6 @@ def validate(
         for plot_file in plot_files:
             study.save_plot(plot_file)
     if report and isinstance(study, ValidationStudy):
-        from calibration.reporting.overview import validation_report
-
         validation_report(study, cleared).write(report, data=True)
     if as_json:
         echo_json({"rates": rates_name} | told | study.to_dict())

@@ -147,7 +147,7 @@ def test_a_tank_that_one_run_does_not_state():
 
 def test_the_second_run_is_of_the_same_network_too():
     first = count(JumpPath(pair_network(), [2, 1], [], [], 7.0))
-    with pytest.raises(ValueError, match="ways"):
+    with pytest.raises(ValueError, match="multiplicities"):
         pooled([first, count(JumpPath(pair_network(ways=3.0), [2, 1], [], [], 7.0))])
 
 

@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import binom, wasserstein_distance
 
 from kinetics import Direct, Lockstep, Transient, simulate
+from kinetics.commands import accuracy
 from kinetics.network import Network
 from kinetics.predicting import tuning
 from kinetics.sampling import run_source
@@ -249,7 +250,7 @@ def test_points_that_nearly_meet_share_a_label_and_others_do_not(small):
 
 def test_command(tmp_path, monkeypatch):
     # At 20 ms a call, a run seems to cost 1/8 ms: 20 times 1000 runs fit into 20 s, 20 times 10,000 do not.
-    monkeypatch.setattr(diagram, "measure", partial(measure, clock=ticking(0.02)))
+    monkeypatch.setattr(accuracy, "measure", partial(measure, clock=ticking(0.02)))
     options = ["trust", "accuracy", "kinetics", "line4", "--rates", "table3", "--cubes", "8", "--duration", "20"]
     options += ["--budget", "0.33", "--csv", str(tmp_path / "a.csv"), "--plot", str(tmp_path / "a.svg"), "--json"]
     result = CliRunner().invoke(main, options)
