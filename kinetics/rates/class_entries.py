@@ -52,7 +52,7 @@ class ClassRate(MeasuredRate):
         known = dict(zip(breaks.posterior.points, self.exposure_by_shape, strict=True))
         if any(tuple(point) not in known for point in points.tolist()):
             raise ValueError(
-                f"{name}: its exposure is known only at the points of the shape's posterior; calibrate by class to "
+                f"{name}: its exposure is known only at the points of the shape's posterior; use calibrate classes to "
                 f"get exposures to bodies by size"
             )
         return np.array([known[tuple(point)] for point in points.tolist()])

@@ -88,7 +88,7 @@ def test_exposures_at_some_shapes_serve_these_alone():
     one, other = (BookRates(each, LINE).posterior(LINE.network) for each in (known, by_shape))
     table = one.draw(np.random.default_rng(5), 10)
     assert_allclose(other.constants(table), one.constants(table), rtol=1e-9)
-    with pytest.raises(ValueError, match="known at the points of the shape's posterior alone"):
+    with pytest.raises(ValueError, match="known only at the points of the shape's posterior"):
         other.constants([other.mean])
 
 
