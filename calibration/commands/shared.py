@@ -10,7 +10,7 @@ import click
 from click.core import ParameterSource
 
 from kinetics.support.cli.declared import count_option, default_option
-from kinetics.support.cli.failures import STOPPED
+from kinetics.support.cli.failures import INCOMPLETE
 from kinetics.support.cli.options import in_a_folder, table_of
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -76,4 +76,4 @@ def leave(problems: Sequence[str]) -> None:
     for problem in problems:
         click.echo(f"left out: {problem}", err=True)
     if problems:
-        click.get_current_context().exit(STOPPED)
+        click.get_current_context().exit(INCOMPLETE)

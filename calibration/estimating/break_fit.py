@@ -23,8 +23,6 @@ from kinetics.support.settings import validated
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from kinetics.rates import Rates
-
 
 def break_channels(network: Network) -> tuple[str, ...]:
     """The channels by which structures break."""

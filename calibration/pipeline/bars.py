@@ -40,8 +40,10 @@ class Bar:
 def bars(rules: VerdictRules, compared: ComparedSizes, control: ComparedSizes | None = None) -> list[Bar]:
     """All rules of a plan. Rows are those of all joins together and of all breaks together.
 
-    control : the same runs beside the rates of the model that must fail; its rows of breaks alone can, since it shares
-        the joins. A sound model, too, fails the rule of the least p in up to 1 - (1 - p_row)^rows of studies
+    control : the same runs, compared with the rates of the model that must fail. Only its rows of breaks are judged,
+        because both models have the same rates of joins
+
+    Even a correct model fails the rule on the smallest p in up to 1 - (1 - p_row)^rows of studies.
     """
     found = _on_events(rules, compared)
     found.append(_on_single_runs(rules, compared))

@@ -17,7 +17,7 @@ from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option, files_option
-from kinetics.support.cli.failures import INTERRUPTED, STOPPED
+from kinetics.support.cli.failures import INCOMPLETE, INTERRUPTED
 from kinetics.support.cli.options import (
     NumbersCommand,
     budget_option,
@@ -150,7 +150,7 @@ def grow(
         )
         raise SystemExit(INTERRUPTED)
     if truncated is not None:
-        raise SystemExit(STOPPED)
+        raise SystemExit(INCOMPLETE)
 
 
 def _truncation(made: Growths, grid: Floats, most: int) -> Truncation | None:

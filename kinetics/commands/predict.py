@@ -16,7 +16,7 @@ from kinetics.predicting import AskedAccuracy
 from kinetics.predicting import predict as make
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.cli.declared import count_option, default_option, files_option
-from kinetics.support.cli.failures import INTERRUPTED, STOPPED
+from kinetics.support.cli.failures import INCOMPLETE, INTERRUPTED
 from kinetics.support.cli.options import (
     HEADING,
     RULES,
@@ -200,7 +200,7 @@ def predict(
     if not made.is_complete:
         raise SystemExit(INTERRUPTED)
     if made.truncated is not None:
-        raise SystemExit(STOPPED)
+        raise SystemExit(INCOMPLETE)
 
 
 def _accuracy(size: str | None, of: str, budget: float | None) -> AskedAccuracy | None:

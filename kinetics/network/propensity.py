@@ -8,15 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import comb, factorial, lgamma, log, perm
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinetics.network.sparse_tables import SparseTable
 from kinetics.support.arrays import Floats, Ints
-
-if TYPE_CHECKING:
-    pass
 
 # What h(s) counts for m like reactants among s copies:
 #   distinct  sets of m copies, s!/(m!(s-m)!), for a pair s(s-1)/2

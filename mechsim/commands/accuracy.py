@@ -8,7 +8,7 @@ import click
 
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import POSITIVE, count_option, default_option
-from kinetics.support.cli.failures import STOPPED
+from kinetics.support.cli.failures import INCOMPLETE
 from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, json_option, plot_option, seed_option
 from kinetics.support.output import write_whole
 from kinetics.support.packages import pd
@@ -96,4 +96,4 @@ def mechanics(
     if presets_file is not None:
         choose(measured).write(presets_file)
     if measured.given_up:
-        click.get_current_context().exit(STOPPED)
+        click.get_current_context().exit(INCOMPLETE)

@@ -10,7 +10,7 @@ import click
 
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option
-from kinetics.support.cli.failures import STOPPED
+from kinetics.support.cli.failures import INCOMPLETE
 from kinetics.support.cli.options import echo_json, json_option, seed_option
 from mechsim.commands.options import run_options
 from mechsim.runs.ensemble import run_all
@@ -115,4 +115,4 @@ def first_times(
         if stopped or given_up:
             click.echo(f"{stopped} runs stopped by the guard, {given_up} given up: none of them is counted above")
     if stopped or given_up:
-        click.get_current_context().exit(STOPPED)
+        click.get_current_context().exit(INCOMPLETE)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from kinetics.support.cli.declared import POSITIVE, default_option
-from kinetics.support.cli.failures import STOPPED, keep_runs
+from kinetics.support.cli.failures import INCOMPLETE, keep_runs
 from kinetics.support.cli.options import echo_json
 from mechsim.runs.ensemble import run_all
 from mechsim.runs.executors import EXECUTORS, Executor
@@ -108,7 +108,7 @@ class ShardWork:
             self._list(mine, folder, as_json) if self.only_list else self._run(mine, folder, workers, progress, as_json)
         )
         if not is_whole:
-            click.get_current_context().exit(STOPPED)
+            click.get_current_context().exit(INCOMPLETE)
 
     def _list(self, mine: list[RunSpec], folder: str, as_json: bool) -> bool:
 

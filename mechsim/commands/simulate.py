@@ -8,7 +8,7 @@ import click
 
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option, default_option, files_option
-from kinetics.support.cli.failures import STOPPED
+from kinetics.support.cli.failures import INCOMPLETE
 from kinetics.support.cli.options import counts_of, echo_json, json_option, picture_of, plot_option, seed_option
 from kinetics.support.cli.study_folder import RUNS, SCENE, is_filled, or_study_folder, start_of
 from kinetics.support.plots import save
@@ -176,7 +176,7 @@ def simulate(
             click.echo(f"given up: {given_up.spec.title}: {given_up.reasons[-1]}")
         click.echo(f"{outcome.computed} runs made, {outcome.reused} found; digest {outcome.digest[:16]}")
     if outcome.quarantined or len(sound) < len(outcome.records):
-        click.get_current_context().exit(STOPPED)
+        click.get_current_context().exit(INCOMPLETE)
 
 
 def _composition(derivation: Derivation, cubes: int | None, initial: str | None) -> dict[str, int]:

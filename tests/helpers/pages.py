@@ -19,7 +19,7 @@ import click
 from command_line import run_here
 from command_tree import commands
 
-from kinetics.support.cli.failures import STOPPED
+from kinetics.support.cli.failures import INCOMPLETE
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
@@ -86,7 +86,7 @@ def run_page(page: Path, folder: Path) -> list[str]:
         assert program == "wellmixed", f"{page.name} runs {program}"
         done = run_here(*words, cwd=folder)
         said = done.out + done.err
-        if done.code and not ("Error: " in shown or (done.code == STOPPED and "was truncated" in shown)):
+        if done.code and not ("Error: " in shown or (done.code == INCOMPLETE and "was truncated" in shown)):
             wrong.append(f"$ {command}ended with {done.code}: {said}")
         elif shown.strip() and not SAME.check_output(shown.strip() + "\n", said.strip() + "\n", doctest.ELLIPSIS):
             wrong.append(f"$ {command}{said}instead of\n{shown}")

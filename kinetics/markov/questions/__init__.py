@@ -11,19 +11,24 @@ themselves only if these forms have them; a species with such a name is quoted: 
 file, imported here: see `Question`.
 """
 
+# ruff: noqa: I001 - the imports of questions are the list, in the order in which they read a text
+
 from __future__ import annotations
 
 from kinetics.markov.chain import Chain
-from kinetics.markov.questions.always import AlwaysQuestion
 from kinetics.markov.questions.base import Question
 from kinetics.markov.questions.reader import framed
-from kinetics.markov.questions.reward import RewardQuestion
-from kinetics.markov.questions.steady_state import SteadyStateQuestion
-from kinetics.markov.questions.until import UntilQuestion
 from kinetics.network.laws.reading import shortened
 from kinetics.support.answer import Answer
+from kinetics.support.families import members
 
-QUESTIONS: tuple[type[Question], ...] = (UntilQuestion, AlwaysQuestion, SteadyStateQuestion, RewardQuestion)
+# To add one, see `Question`.
+from kinetics.markov.questions.until import UntilQuestion as UntilQuestion
+from kinetics.markov.questions.always import AlwaysQuestion as AlwaysQuestion
+from kinetics.markov.questions.steady_state import SteadyStateQuestion as SteadyStateQuestion
+from kinetics.markov.questions.reward import RewardQuestion as RewardQuestion
+
+QUESTIONS: tuple[type[Question], ...] = members(globals(), Question)
 
 __all__ = ["QUESTIONS", "Question", "ask", "parse"]
 

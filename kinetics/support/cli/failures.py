@@ -1,4 +1,6 @@
-"""What a command says if something went wrong, and the exit code that it ends with.
+"""The exit codes of commands, and which of them, with what message, an error gives.
+
+Codes for results, 1 and 4, are chosen by each command.
 
 To see where an error came from, a user gives `--debug` before the command.
 """
@@ -16,7 +18,7 @@ from kinetics.support.packages import EXTRAS, how_to_install
 CHECKED = 1  # a check found errors, or a question has no answer at some points: a result
 MISTAKE = 2  # of the user: options, files, their contents, a package that is missing
 OUTSIDE = 3  # a full disk, too little memory, a scheduler that is gone: the same command may go well another time
-STOPPED = 4  # runs were truncated, stopped by the guard, given up or are missing: a result, of fewer runs or times
+INCOMPLETE = 4  # runs were truncated, stopped by the guard, given up or are missing: a result, of fewer runs or times
 DIFFERENT = 4  # a replay came out otherwise than the run: a result
 FAULT = 70  # ours (EX_SOFTWARE of sysexits.h)
 INTERRUPTED = interrupts.INTERRUPTED  # 130: by Ctrl-C or SIGTERM

@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 
 import click
 
-from kinetics.support.cli.failures import BROKEN_PIPE, CHECKED, INTERRUPTED, OUTSIDE, STOPPED
+from kinetics.support.cli.failures import BROKEN_PIPE, CHECKED, INCOMPLETE, INTERRUPTED, OUTSIDE
 
 
 class StandardStream(io.FileIO):
@@ -119,7 +119,7 @@ def heed_lost_interrupts() -> None:
 def exit_code(code: int) -> int:
     """The exit code of a finished command, after its output is flushed; a lost result is a failure."""
     lost = _lost()
-    if lost is None or code not in (0, CHECKED, STOPPED):
+    if lost is None or code not in (0, CHECKED, INCOMPLETE):
         return code
     if lost.errno == errno.EPIPE:
         return BROKEN_PIPE

@@ -5,7 +5,7 @@ import json
 import pytest
 from command_line import run_here
 
-from kinetics.support.cli.failures import STOPPED
+from kinetics.support.cli.failures import INCOMPLETE
 
 MODELS = {
     "explode": "2 A -> 3 A, 0.01\nA -> 0, 0.1\nA = 20\n",
@@ -33,7 +33,7 @@ def folder(tmp_path):
 @pytest.mark.parametrize("effort", [("--runs", 40), ("--accuracy", "20%")])
 def test_figures_are_given_for_the_times_before(effort, words, times, reason, folder):
     done = run_here("predict", *words, *effort, "--seed", 1, "--json", cwd=folder)
-    assert done.code == STOPPED
+    assert done.code == INCOMPLETE
     told = json.loads(done.out)
     assert told["times"] == times
     assert len(told["mean"]) == len(times)
@@ -79,7 +79,7 @@ def test_growth_without_a_network_is_truncated_alike(folder):
     whole = run_here(*words, "--json", cwd=folder).json
     assert whole["truncated"] is None
     done = run_here(*words, "--max-events", 60, "--json", cwd=folder)
-    assert done.code == STOPPED
+    assert done.code == INCOMPLETE
     told = json.loads(done.out)
     assert told["times"] == [1.0]
     for name, series in told["series"].items():
