@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,20 +18,20 @@ from calibration.validating.over_sizes import ComparedSizes
 from kinetics.network import Tank
 from kinetics.networkfree import growth_of
 from kinetics.rates import ClassRates, Rates
+from kinetics.support import plots
 from kinetics.support.cli.progress import stage
+from kinetics.support.packages import pd
+from kinetics.support.shown import Tabular
 from mechsim.runs.ensemble import Outcome
 from mechsim.runs.executors import Executor
 from mechsim.runs.record import RunRecord, RunSpec, book_of
 from mechsim.runs.species import species_of
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 POINTS = 41  # times of a comparison
 
 
 @dataclass(frozen=True, eq=False)
-class ValidationStudy(ComparedSizes):
+class ValidationStudy(ComparedSizes, Tabular):
     """Held-out runs beside their prediction, one comparison a system size."""
 
     rates: Rates
@@ -45,8 +45,6 @@ class ValidationStudy(ComparedSizes):
 
     def to_dataframe(self) -> pd.DataFrame:
         """Events seen and expected, one row a size and group of channels."""
-        import pandas as pd
-
         return pd.DataFrame([row.to_dict() for row in self.events])
 
     def to_dict(self) -> dict[str, Any]:
@@ -63,7 +61,7 @@ class ValidationStudy(ComparedSizes):
 
 
 @dataclass(frozen=True, eq=False)
-class GrowthStudy:
+class GrowthStudy(Tabular):
     """Held-out runs beside their prediction by class rates, one comparison an initial state."""
 
     comparisons: tuple[GrowthComparison, ...]
@@ -77,13 +75,10 @@ class GrowthStudy:
 
     def to_dataframe(self) -> pd.DataFrame:
         """All curves, one row a time and curve of each comparison."""
-        import pandas as pd
-
         return pd.concat([comparison.to_dataframe() for comparison in self.comparisons])
 
     def save_plot(self, file: str) -> None:
         """One figure of all comparisons, above each other."""
-        from kinetics.support import plots
 
         def draw(figure: Any) -> None:
             figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)  # inches; titles keep off the frame

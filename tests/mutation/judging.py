@@ -91,6 +91,8 @@ def pytest_in(tree: Path, arguments: list[str], plain: bool) -> int:
         if file.is_relative_to(ROOT) and "site-packages" not in file.parts:
             del sys.modules[name]
     os.chdir(tree)
+    for name in ("CI", "BUILD_NUMBER"):  # where they are set, pytest repeats all of each failure in its summary
+        os.environ.pop(name, None)
     os.environ |= {"PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
     sys.path[:] = [str(tree), *(place for place in sys.path if Path(place or ".").resolve() != ROOT)]
     sys.dont_write_bytecode = True  # of a mutant

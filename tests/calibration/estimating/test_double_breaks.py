@@ -7,7 +7,7 @@ import pytest
 from break_studies import by_first_coefficient
 from scipy.stats import poisson
 
-from calibration.commands.shared import breaks_table
+from calibration.commands.tables import breaks_table
 from calibration.estimating.break_comparison import BreakComparison
 from calibration.estimating.break_fit import fit_breaks
 from calibration.estimating.double_breaks import DoubleBreaks, double_breaks
