@@ -14,11 +14,11 @@ from scipy.stats import binom, wasserstein_distance
 from kinetics import Direct, Lockstep, Transient, simulate
 from kinetics.commands import accuracy
 from kinetics.network import Network
-from kinetics.predicting import tuning
+from kinetics.predicting.solved_ways import Projection
 from kinetics.sampling import run_source
 from kinetics.sampling.run_source import RunSource
 from kinetics.trust.accuracy import diagram
-from kinetics.trust.accuracy.curves import CURVES, Curve, Task, sampled
+from kinetics.trust.accuracy.curves import CURVES, Curve, Task, asked, sampled
 from kinetics.trust.accuracy.diagram import measure
 from kinetics.trust.accuracy.distances import Certainty, Marginals, sampling_floor
 from kinetics.trust.accuracy.peers import ExpmMultiply, rate_equation
@@ -192,23 +192,35 @@ def test_ctrl_c_leaves_what_was_finished():
     assert "interrupted" in str(found)
 
 
-@pytest.mark.parametrize("curve", [curve for curve in CURVES if curve.knob in ("runs", "accuracy")])
+@pytest.mark.parametrize("curve", [curve for curve in CURVES if curve.is_sampled])
 def test_ctrl_c_is_heard_from_methods_that_keep_what_they_have(curve, monkeypatch):
     """Fewer runs than were asked for are no point, and the rest is not begun."""
     counts, tried = RunSource.counts, []
 
     def interrupt(source, grid, runs, first_run=0, threads=None, watch=None):
         tried.append(runs)
-        if len(tried) > 1:
+        if len(tried) > 4:
             raise KeyboardInterrupt
         return counts(source, grid, runs, first_run, threads, watch)
 
     monkeypatch.setattr(RunSource, "counts", interrupt)
     monkeypatch.setattr(run_source, "BLOCK_BYTES", 1)
-    monkeypatch.setattr(tuning, "MOST_FIRST", 1)
     with pytest.raises(KeyboardInterrupt):
         curve.make(Task(*MANY, TIMES / 1e4, 1), curve.settings[1], 0)
-    assert len(tried) == 2
+    assert len(tried) == 5
+
+
+def test_ctrl_c_is_heard_from_a_prediction_that_has_made_some_runs(monkeypatch):
+    made = []
+
+    def interrupt(way):
+        made.append(way)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Projection, "attempt", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        asked(Task(line(), np.array([1000, 0, 0, 0]), np.array([50.0]), 1), 1e-3, 0)
+    assert made
 
 
 def test_a_method_that_refuses_is_reported():
