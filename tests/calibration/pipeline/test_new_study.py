@@ -2,15 +2,18 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from calibration.pipeline import growth_planner
 from calibration.pipeline.new_study import BREAK, JOIN, PLACE, extent, guessed_rates, new_study, plain_name, scene_for
 from calibration.pipeline.plan import StudyPlan
 from kinetics.assembly import RuleBook, derive
+from kinetics.networkfree import grow
 from kinetics.rates import ClassRates, Rates
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
@@ -95,6 +98,15 @@ def test_a_target_that_grows_from_a_seed_is_studied_by_class(tmp_path):
     assert (begun["initial"]["monomer"], begun["initial"]["seed"]) == (10, 2)
     with pytest.raises(ValueError, match="are not enough for a run that shows each rate"):
         new_study(str(folder / "target.toml"), tmp_path / "poor", cpu_hours=1e-9, cubes=(12,), held_out=(12,))
+
+
+def test_ctrl_c_ends_the_plan_of_growth(tmp_path, monkeypatch):
+    """Runs that were not all made are no forecast."""
+    (tmp_path / "target.toml").write_text(SEEDED, encoding="utf-8")
+    monkeypatch.setattr(growth_planner, "grow", lambda *given: replace(grow(*given), interrupted=True))
+    with pytest.raises(KeyboardInterrupt):
+        new_study(str(tmp_path / "target.toml"), tmp_path / "made", cpu_hours=0.01, cubes=(12,), held_out=(12,))
+    assert not (tmp_path / "made").exists()
 
 
 @pytest.mark.validate
