@@ -24,11 +24,11 @@ class CalibrationStudy:
     name : of the scene, rule book or network file
     paths : the runs
     evidence : what a rates file says of them
-    source, made : where the rates come from, and how the runs were made, in words
+    source, made : descriptions of where the rates come from and of how the runs were made
     breaks : name of a break model, or `auto` for the one that the runs choose; None: breaks as they were counted
     within : tu, longest time between the two breaks of one collision; None if the runs do not resolve it
     bonds : per run (E, 2), the two cubes of each event; None where they are not known
-    problems : runs that were left out, in words
+    problems : a message for each run that was left out
     """
 
     name: str

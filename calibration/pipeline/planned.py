@@ -298,5 +298,5 @@ def spent(runs: dict[int, int], costs: dict[int, float]) -> float:
 
 
 def _contents(row: Mapping[str, Any]) -> str:
-    """What a tank holds, in words."""
+    """The composition of a tank as text, such as `40 monomer 2 dimer`."""
     return " ".join(f"{n} {name}" for name, n in row["composition"].items())

@@ -70,7 +70,7 @@ class Outcome:
 
     @property
     def problems(self) -> list[str]:
-        """Runs that were stopped by the guard or given up, in words."""
+        """A message for each run that the guard stopped or that was given up."""
         stopped = [f"{record.spec.title}: {record.outcome}" for record in self.records if not record.completed]
         return stopped + [f"{one.spec.title}: given up: {one.reasons[-1]}" for one in self.quarantined]
 

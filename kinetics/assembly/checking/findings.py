@@ -20,10 +20,12 @@ class Finding:
     """One fault of a rule book.
 
     kind : `not closed`, `not proven`, `livelock`, `target not reached`, `target not final`, `off-target`, `dead end`,
-    `trap`, `starvation`, `squeezed`, `unreachable rule`, `unused letter`; preceded by `delayed state updates: ` if it
-    occurs only where internal rules are slower than collisions is_error : whether the book is wrong; otherwise it is a
-    warning steps : the shortest sequence of events that leads to the fault, in words structure : the structure at its
-    end changes : the same events with their structures
+        `trap`, `starvation`, `squeezed`, `unreachable rule`, `unused letter`; preceded by `delayed state updates: ` if
+        it occurs only where internal rules are slower than collisions
+    is_error : whether the book is wrong; otherwise the finding is a warning
+    steps : descriptions of the shortest sequence of events that leads to the fault
+    structure : the structure at the end of that sequence
+    changes : the same events with their structures
     """
 
     kind: str
