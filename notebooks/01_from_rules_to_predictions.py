@@ -44,7 +44,7 @@ from calibration import BreakComparison, crossvalidate, diagnose, estimate
 from calibration.pipeline.bars import bars
 from calibration.pipeline.plan import StudyPlan
 from calibration.validating.over_sizes import ComparedSizes
-from kinetics import Direct, Rates, Transient, predict
+from kinetics import Direct, Model, Rates, Transient, predict
 from kinetics.assembly import RuleBook, derive
 from kinetics.predicting import predict_passage
 from mechsim import RunSpec, Scene, draw_tank, execute
@@ -183,8 +183,8 @@ rates.breaks.model, rates.breaks.shape
 
 # %%
 times = np.linspace(0.0, 2000.0, 101)
-sampled = {n: predict(network, rates, {"monomer": n}, times, Direct(), runs=1000, seed=1) for n in sizes}
-exact = {n: predict(network, rates, {"monomer": n}, times, Transient(), seed=1) for n in sizes}
+sampled = {n: predict(Model(network, {"monomer": n}), rates, times, Direct(), runs=1000, seed=1) for n in sizes}
+exact = {n: predict(Model(network, {"monomer": n}), rates, times, Transient(), seed=1) for n in sizes}
 
 figure, axes = plt.subplots(1, 3, figsize=(13, 4))
 for ax, n in zip(axes, sizes, strict=True):

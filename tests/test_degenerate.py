@@ -18,6 +18,7 @@ from calibration import (
 from calibration.estimating.break_comparison import BreakComparison
 from kinetics import (
     Chain,
+    Model,
     Network,
     Rates,
     Sensitivity,
@@ -103,7 +104,7 @@ def one_run_results():
         yield from (estimate(runs), diagnose(runs), fit_rates(MassActionRates(), runs))
         yield BreakComparison.asked_for("auto", runs)
     rates = estimate(paths).rates()
-    yield predict(pair, rates, start, [end], runs=1, seed=1, draws=2)
+    yield predict(Model(pair, start), rates, [end], runs=1, seed=1, draws=2)
     yield crossvalidate(rates, paths, times=[end], groups=40, most_groups=40)
     yield compare_first_times(pair, paths, "AB")
     still = Network.from_text("A -> B, 0")

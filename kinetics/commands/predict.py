@@ -12,8 +12,7 @@ from click.core import ParameterSource
 
 from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.models import conditions, described, instead_of_many_states, remarks, shown_of
-from kinetics.predicting import AskedAccuracy
-from kinetics.predicting import predict as make
+from kinetics.predicting import AskedAccuracy, Job, predict_job
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.cli.declared import count_option, default_option, files_option
 from kinetics.support.cli.failures import INCOMPLETE, INTERRUPTED
@@ -151,9 +150,12 @@ def predict(
     if (with_elasticity or elasticity_files) and rates is None:
         raise ValueError(f"elasticities are by the parameters of a rates file; {asked.source} has its own rates")
     grid, sums = time_grid(duration, times), shown_of(model, shown)
-    chosen = None if method is None else within_budget(method, 60 * budget)
+    if asked_for is not None and method is not None:
+        raise ValueError(f"--method {method} together with --accuracy, which chooses the method: give one or the other")
+    chosen = asked_for if method is None else within_budget(method, 60 * budget)
     with progress_line(budget=budget) as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
-        made = make(model, rates, None, grid, chosen, runs, seed, draws, threads, progress, sums, asked_for, max_events)
+        job = Job(model, grid, sums, seed, threads, progress, max_events)
+        made = predict_job(job, rates, chosen, runs, draws)
         found = None
         if rates is not None and (with_elasticity or elasticity_files):
             from kinetics.predicting import count_elasticities

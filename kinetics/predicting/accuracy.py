@@ -125,9 +125,9 @@ class Reached:
     tenfold : the cheapest for a tenth of the error, and its forecast cost; None if none can reach it
     rare : of an answer by runs, how rare events were allowed for; empty if none showed
 
-    >>> from kinetics import Network, predict
+    >>> from kinetics import Model, Network, predict
     >>> decay = Network.from_text("A -> 0, 0.1")
-    >>> found = predict(decay, None, {"A": 100}, [10.0], accuracy="1%")
+    >>> found = predict(Model(decay, {"A": 100}), None, [10.0], method="1%")
     >>> found.reached.chosen, found.reached.is_reached, found.reached.is_proven
     ('transient', True, True)
     """
@@ -194,10 +194,3 @@ class Reached:
             "candidates": [each._asdict() for each in self.candidates],
             "tenfold": None if best is None else {"method": best.method, "seconds": best.seconds},
         }
-
-
-def accuracy_of(asked: AskedAccuracy | str | float) -> AskedAccuracy:
-    """An accuracy as it is, or that of a text or number; ValueError as in `AskedAccuracy`."""
-    if isinstance(asked, AskedAccuracy):
-        return asked
-    return AskedAccuracy.of_text(asked) if isinstance(asked, str) else AskedAccuracy(asked)

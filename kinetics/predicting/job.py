@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from kinetics.network import Model, Network
 from kinetics.predicting.observables import Observables
 from kinetics.sampling.watch import MAX_EVENTS
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, some_times
+from kinetics.support.frozen import set_fields
 
 if TYPE_CHECKING:
     from kinetics.markov.transient import Distribution
@@ -20,10 +21,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Counts of a model at `grid` (T,), or `observables` of them, and how runs are made.
+    """Counts of a model at `grid` (T,), tu, or `observables` of them, and how runs are made.
 
     seed, threads, max_events : of runs, see `simulate`
     report : called with a line of text on how far the work is
+
+    >>> from kinetics import Model, Network
+    >>> from kinetics.predicting import Job
+    >>> Job(Model(Network.from_text("A <-> B, 1, 1"), {"A": 3}), [1.0, 2.0]).is_known.any()
+    np.False_
     """
 
     model: Model
@@ -33,6 +39,9 @@ class Job:
     threads: int | None = None
     report: Callable[[str], None] = lambda _: None
     max_events: int = MAX_EVENTS
+
+    def __post_init__(self) -> None:
+        set_fields(self, grid=some_times(self.grid))
 
     @property
     def shown(self) -> Network:

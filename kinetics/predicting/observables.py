@@ -23,7 +23,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Observables:
-    """V named sums of the counts of S species, by whole weights (S, V)."""
+    """V named sums of the counts of S species, by whole weights (S, V).
+
+    >>> from kinetics import Network
+    >>> from kinetics.predicting import Observables
+    >>> pairs = Network.from_text("2 A <-> AA, 0.01, 0.1")
+    >>> Observables.of(pairs, {"all A": {"A": 1, "AA": 2}}).weights.tolist()
+    [[1], [2]]
+    """
 
     names: tuple[str, ...]
     weights: Ints

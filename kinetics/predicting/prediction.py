@@ -11,18 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinetics.network import Model, Network
+from kinetics.predicting.accuracy import AskedAccuracy
 from kinetics.predicting.job import Job
 from kinetics.predicting.methods import method_of
-from kinetics.predicting.observables import Observables
 from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, RunsOverDraws, runs_over_draws
 from kinetics.runs import Truncation
 from kinetics.sampling import Auto, SamplingMethod
 from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.statistics import EnsembleStatistics
 from kinetics.sampling.streamed import streamed
-from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support import plots
-from kinetics.support.arrays import Counts, Floats, some_times
+from kinetics.support.arrays import Floats
 from kinetics.support.datasets import dataframe_over_times, dataset
 from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time, precision_of
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from kinetics.markov.transient import Distribution, SolvingMethod
-    from kinetics.predicting.accuracy import AskedAccuracy, Reached
+    from kinetics.predicting.accuracy import Reached
     from kinetics.rates import BookRates, Rates, RatesPosterior
 
 RUNS = 1000
@@ -60,7 +59,7 @@ class Prediction(Shown, Tabular):
     >>> decay = Network.from_text("decay: A -> 0, 1")
     >>> measured = ChannelRate(rate=0.1, events=40, exposure=400.0, ways=1)
     >>> rates = Rates(convention=Convention(combinations="distinct"), channels={"decay": measured})
-    >>> found = predict(decay, rates, {"A": 100}, [10.0], seed=1)
+    >>> found = predict(Model(decay, {"A": 100}), rates, [10.0], seed=1)
     >>> bool(found.low[0, 0] < 36.788 < found.high[0, 0]), bool(found.high[0, 0] - found.low[0, 0] > 10)
     (True, True)
     """
@@ -137,37 +136,30 @@ class Prediction(Shown, Tabular):
 def predict(
     model: Model | Network,
     rates: Rates | BookRates | None = None,
-    initial: Counts | None = None,
     times: ArrayLike = (),
-    method: SamplingMethod | SolvingMethod | str | None = None,
+    method: SamplingMethod | SolvingMethod | AskedAccuracy | str | None = None,
     runs: int | None = None,
     seed: int = 0,
     draws: int = 200,
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
-    observables: Observables | None = None,
-    accuracy: AskedAccuracy | str | float | None = None,
-    max_events: int = MAX_EVENTS,
 ) -> Prediction:
     """Predict mean and spread of the counts at `times` under `rates`, with a 95 % interval of the mean.
 
     rates : None for the model's own, which are taken as known, so that there is no interval
-    initial : counts at time 0 that go before the model's; None for these
-    method : a sampling or solving method, or its name; Auto() by default
+    method : a sampling or solving method, or its name; Auto() by default. Or an `AskedAccuracy`, or a text such as
+        "1%": the cheapest method that reaches it is chosen, see `adaptive_prediction`, and mean and sd are those at the
+        posterior mean of each rate constant
     runs : least number of runs of a sampling method, 1000 by default; with evidence there are `RUNS_PER_DRAW` under
         each draw
     draws : least number of draws of the rates from their posterior; the interval comes from so many
     progress : called with a line of text on how far the work is; None for silence
-    observables : sums of counts to report instead of all counts
-    accuracy : instead of method and runs: an `AskedAccuracy`, or a text such as "1%"; the cheapest method that reaches
-        it is chosen, see `adaptive_prediction`, and mean and sd are those at the posterior mean of each rate constant
-    max_events : the most events of a sampled run; figures end before the first run that would come to more, or whose
-        counts or propensities go beyond all numbers, see `simulate`
     ValueError: rates of another network or without their tank, missing rates, or what the method refuses; an accuracy
-        beside a method or runs, one that no method can reach, or that would cost more than the budget
+        together with runs, one that no method can reach, or that would cost more than the budget
 
     Only statistics of the runs are kept, so memory does not grow with their number. After Ctrl-C the prediction comes
-    from the runs and draws made so far, if any, and its notes say so.
+    from the runs and draws made so far, if any, and its notes say so. Figures end before the first run that would come
+    to more than 1e9 events, or whose counts or propensities go beyond all numbers; `predict_job` takes another limit.
 
     Where the rates have evidence, runs are spread over draws of the rates: 20,000 by default, which give mean, sd, band
     and interval. The interval is made of the 2.5 % and 97.5 % quantiles of the means under `draws` draws, pulled
@@ -175,30 +167,49 @@ def predict(
     the uncertainty of the rates alone, approximately. A method that does not sample solves at the posterior mean of
     each rate constant; its interval comes from sampling by `Auto`.
 
-    >>> from kinetics import Network, predict
-    >>> binding = Network.from_text("A + B <-> AB, 0.01, 0.1")
-    >>> exact = predict(binding, None, {"A": 20, "B": 10}, [5.0], method="transient")
+    >>> from kinetics import Model, Network, predict
+    >>> binding = Model(Network.from_text("A + B <-> AB, 0.01, 0.1"), {"A": 20, "B": 10})
+    >>> exact = predict(binding, times=[5.0], method="transient")
     >>> exact.mean.round(4).tolist(), exact.error < 1e-12
     ([[15.3269, 5.3269, 4.6731]], True)
-    >>> sampled = predict(binding, None, {"A": 20, "B": 10}, [5.0], runs=2000, seed=1)
+    >>> sampled = predict(binding, times=[5.0], runs=2000, seed=1)
     >>> bool((abs(sampled.mean - exact.mean) < 5 * sampled.standard_error).all())
     True
     """
+    job = Job(Model.of(model), np.asarray(times), None, seed, threads, progress or (lambda _: None))
+    return predict_job(job, rates, method, runs, draws)
+
+
+def predict_job(
+    job: Job,
+    rates: Rates | BookRates | None = None,
+    method: SamplingMethod | SolvingMethod | AskedAccuracy | str | None = None,
+    runs: int | None = None,
+    draws: int = 200,
+) -> Prediction:
+    """Predict what a `Job` reports: counts of its model or observables of them, see `predict` for all else.
+
+    >>> import numpy as np
+    >>> from kinetics import Model, Network
+    >>> from kinetics.predicting import Job, Observables, predict_job
+    >>> binding = Model(Network.from_text("A + B <-> AB, 0.01, 0.1"), {"A": 20, "B": 10})
+    >>> either = Observables.of(binding.network, {"free": {"A": 1, "B": 1}})
+    >>> predict_job(Job(binding, np.array([5.0]), either), method="transient").mean.round(4).tolist()
+    [[20.6538]]
+    """
     began = time.process_time()
-    _check_choice(accuracy, method, runs)
-    method = Auto() if method is None else method_of(method)
-    given = Model.of(model, initial)
-    posterior = None if rates is None or not rates.has_evidence else rates.posterior(given.network, given.tank)
+    chosen = _chosen(method)
+    given, posterior = job.model, None
     if rates is not None:
-        given = replace(given, network=rates.expected(given.network, given.tank))
-    report = progress or (lambda _: None)
-    job = Job(given, some_times(times), observables, seed, threads, report, max_events)
-    if accuracy is not None:
-        found = _adapted(job, accuracy)
-    elif isinstance(method, SamplingMethod):
-        found = _sampled(job, method, RUNS if runs is None else runs, posterior, draws)
+        if rates.has_evidence:
+            posterior = rates.posterior(given.network, given.tank)
+        job = replace(job, model=replace(given, network=rates.expected(given.network, given.tank)))
+    if isinstance(chosen, AskedAccuracy):
+        found = _adapted(job, chosen, runs)
+    elif isinstance(chosen, SamplingMethod):
+        found = _sampled(job, chosen, RUNS if runs is None else runs, posterior, draws)
     else:
-        found = _solved(job, method)
+        found = _solved(job, chosen)
     result, spread = found.result, found.spread
     notes, is_complete = [*evidence_notes(rates), *found.notes], found.is_complete
     was_interrupted = isinstance(result, EnsembleStatistics) and not result.is_complete
@@ -263,6 +274,17 @@ class _Found(NamedTuple):
     reached: Reached | None = None
 
 
+def _chosen(
+    method: SamplingMethod | SolvingMethod | AskedAccuracy | str | None,
+) -> SamplingMethod | SolvingMethod | AskedAccuracy:
+    """The method, or the accuracy of a text such as "1%"; Auto() by default."""
+    if isinstance(method, AskedAccuracy):
+        return method
+    if isinstance(method, str) and method.endswith("%"):
+        return AskedAccuracy.of_text(method)
+    return Auto() if method is None else method_of(method)
+
+
 def _solved(job: Job, method: SolvingMethod) -> _Found:
     """Predict by a method that solves the master equation."""
     return _Found(job.distribution(method.solve(job.model.network, job.model.initial, job.grid)), method.name)
@@ -286,26 +308,19 @@ def _sampled(job: Job, method: SamplingMethod, runs: int, posterior: RatesPoster
     return _Found(made, name, made.is_complete, notes)
 
 
-def _adapted(job: Job, accuracy: AskedAccuracy | str | float) -> _Found:
+def _adapted(job: Job, accuracy: AskedAccuracy, runs: int | None) -> _Found:
     """Predict by the cheapest way to an accuracy."""
-    from kinetics.predicting.accuracy import accuracy_of
     from kinetics.predicting.adaptive import adaptive_prediction
 
-    result, reached, is_complete = adaptive_prediction(job, accuracy_of(accuracy))
+    if runs is not None:
+        raise ValueError(
+            f"runs = {runs} together with an accuracy, which chooses the runs itself: give one or the other"
+        )
+    result, reached, is_complete = adaptive_prediction(job, accuracy)
     notes = reached.notes
     if not is_complete:
         notes = (*notes, "stopped by Ctrl-C or by the budget before the accuracy was reached")
     return _Found(result, reached.chosen, is_complete, notes, reached=reached)
-
-
-def _check_choice(accuracy: object, method: object, runs: object) -> None:
-    """Raise a ValueError if an accuracy is given beside what it would choose."""
-    for name, value in (("method", method), ("runs", runs)):
-        if accuracy is not None and value is not None:
-            raise ValueError(
-                f"{name} = {value!r} together with an accuracy, which chooses method and runs itself: give one or "
-                f"the other"
-            )
 
 
 def evidence_notes(rates: Rates | BookRates | None) -> tuple[str, ...]:

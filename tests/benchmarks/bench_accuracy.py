@@ -90,7 +90,7 @@ def hindsight(number: int) -> tuple[dict[str, float], Any]:
     tops = None
     try:
         method = Transient(max_states=300_000, max_seconds=PATIENCE)
-        made, cost = least(number, lambda q: predict(q.network, None, start, times, method))
+        made, cost = least(number, lambda q: predict(Model(q.network, start), None, times, method))
         exact = made.result
         tops = exact.space.states.max(axis=0).astype(float)
         if error_reached(accuracy, exact, tops) <= accuracy.value:
@@ -103,17 +103,17 @@ def hindsight(number: int) -> tuple[dict[str, float], Any]:
         tolerance = min(max(tolerance_for(accuracy, tops) / 2, 1e-13), 1e-3)
         projection = FiniteStateProjection(tolerance, max_seconds=min(PATIENCE, 3 * min(costs.values(), default=inf)))
         try:
-            made, cost = least(number, lambda q: predict(q.network, None, start, times, projection))
+            made, cost = least(number, lambda q: predict(Model(q.network, start), None, times, projection))
             if error_reached(accuracy, made.result, tops) <= accuracy.value:
                 costs["fsp"] = cost
         except ValueError:
             pass
     runs = needed(asked)
     few = min(runs, TIMED)
-    cost = least(number, lambda q: predict(q.network, None, start, times, "auto", few, 77, threads=1))[1]
+    cost = least(number, lambda q: predict(Model(q.network, start), None, times, "auto", few, 77, threads=1))[1]
     if runs > few:  # many more, so that what each costs stands out
         many = min(runs, max(2 * few, int(few * TIMING / cost)))
-        more = timed(lambda: predict(network, None, start, times, "auto", many, 77, threads=1))[1]
+        more = timed(lambda: predict(Model(network, start), None, times, "auto", many, 77, threads=1))[1]
         cost += max(more - cost, 0.0) / (many - few) * (runs - few)
     costs["runs"] = cost
     return costs, exact
@@ -138,7 +138,7 @@ def row(number: int) -> Row | None:
     try:
         made, cost = least(
             number,
-            lambda q: predict(q.network, None, start, times, accuracy=within, seed=number, threads=1),
+            lambda q: predict(Model(q.network, start), None, times, method=within, seed=number, threads=1),
         )
     except ValueError as refusal:
         click.echo(f"{number:4} {asked.kind:7} {words:28} refused: {str(refusal)[:60]} ...")
@@ -179,7 +179,7 @@ def main(first: int, questions: int, csv_file: str | None) -> None:
     """Print a line a question, and the table."""
     for warm in range(5):  # imports
         asked = question(warm)
-        predict(asked.network, None, asked.start, asked.times, accuracy="20%", threads=1)
+        predict(Model(asked.network, asked.start), None, asked.times, method="20%", threads=1)
     rows = []
     for number in count(first):
         if len(rows) == questions:

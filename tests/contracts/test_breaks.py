@@ -203,12 +203,12 @@ def test_it_is_fitted_saved_and_predicts(law, tmp_path):
     assert (draws > 0).all()
     initial = [20, 6, 4, 8]
     for tank in (None, OTHER):
-        made = predict(Model(LINE, initial, tank=tank), again, None, [20.0], runs=2000, draws=20)
+        made = predict(Model(LINE, initial, tank=tank), again, [20.0], runs=2000, draws=20)
         true = truth.network(tank or TANK)[1]
         breaks = true.stoichiometry.sum(axis=1) > 0
         halved = true.with_rates(true.known_rates * np.where(breaks, 0.5, 1.0))
         for model, is_right in ((true, True), (halved, False)):
-            known = predict(model, None, initial, [20.0], runs=2000, seed=1)
+            known = predict(Model(model, initial), None, [20.0], runs=2000, seed=1)
             error = 5 * np.hypot(made.standard_error, known.standard_error) + 0.06 * known.mean
             assert (np.abs(made.mean - known.mean) < error).all() == is_right
 

@@ -15,6 +15,7 @@ from kinetics import (
     Chain,
     ClassRates,
     Direct,
+    Model,
     Network,
     Rates,
     Sensitivity,
@@ -46,7 +47,7 @@ RESULTS = {
     "runs": lambda: simulate(line(), "ssa", START, TIMES, runs=40),
     "statistics": lambda: simulate_statistics(line(), "auto", START, TIMES, runs=40),
     "distribution": lambda: solve(line(), "transient", [8, 0, 0, 0], TIMES),
-    "prediction": lambda: predict(line(), None, START, TIMES, "lockstep", runs=40),
+    "prediction": lambda: predict(Model(line(), START), None, TIMES, "lockstep", runs=40),
     "path": lambda: sample_path(line(), START, 500.0),
 }
 SMALL = [8, 0, 0, 0]
@@ -125,7 +126,7 @@ def test_auto_says_what_it_chose():
     assert made.method == f"auto ({chosen})"
     assert repr(made).endswith(f"; method auto ({chosen})>")
     assert simulate(line(), "ssa", START, [1.0], runs=3)[:].method == "ssa"
-    assert f"method auto ({chosen});" in predict(line(), None, START, [1.0], runs=3).headline
+    assert f"method auto ({chosen});" in predict(Model(line(), START), None, [1.0], runs=3).headline
     both = made.merged(simulate_statistics(line(), "ssa", START, [1.0], runs=3))
     assert both.method == ""
 
@@ -301,7 +302,11 @@ def test_methods_by_name_are_those_by_object():
         (lambda: simulate(line(), Transient(), START, [1.0]), TypeError, "expected a sampling method"),
         (lambda: solve(line(), "ssa", START, [1.0]), ValueError, "unknown solving method 'ssa'; they are transient"),
         (lambda: solve(line(), Direct(), START, [1.0]), TypeError, "expected a solving method"),
-        (lambda: predict(line(), None, START, [1.0], "cme"), ValueError, "unknown method 'cme'; methods are ssa"),
+        (
+            lambda: predict(Model(line(), START), None, [1.0], "cme"),
+            ValueError,
+            "unknown method 'cme'; methods are ssa",
+        ),
     ],
 )
 def test_wrong_methods_are_refused_in_words(call, error, words):

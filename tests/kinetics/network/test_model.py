@@ -60,7 +60,7 @@ def test_the_digest_is_of_all_that_decides_what_a_model_does():
         lambda model, counts: solve(model, "transient", counts, [1.0]).mean(),
         lambda model, counts: simulate(model, "ssa", counts, [1.0], runs=9, seed=1).counts,
         lambda model, counts: sample_path(model, counts, 1.0, seed=1).states,
-        lambda model, counts: predict(model, None, counts, [1.0], "transient").mean,
+        lambda model, counts: predict(Model.of(model, counts), None, [1.0], "transient").mean,
         lambda model, counts: first_passage(model, counts, "D", 2).mean,
         lambda model, counts: stationary(model, counts).probabilities,
         lambda model, counts: Chain.of(model, counts).counts,

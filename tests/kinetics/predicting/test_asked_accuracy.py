@@ -12,8 +12,8 @@ from numpy.testing import assert_array_equal
 from scipy.stats import binom, norm, t
 
 from kinetics import Auto, Model, Network, Transient, predict, simulate_statistics, solve
-from kinetics.predicting import AskedAccuracy, adaptive, stopping_rule, tuning
-from kinetics.predicting.accuracy import CostForecast, accuracy_of
+from kinetics.predicting import AskedAccuracy, adaptive, predict_job, stopping_rule, tuning
+from kinetics.predicting.accuracy import CostForecast
 from kinetics.predicting.adaptive import adaptive_prediction
 from kinetics.predicting.first_runs import first_runs
 from kinetics.predicting.job import Job
@@ -204,7 +204,7 @@ def test_figures_that_never_differ_need_as_many_runs_as_could_have_shown_it():
 @pytest.mark.parametrize("number", [2, 4, 9, 12, 14, 20, 22, 30])
 def test_small_questions_keep_the_accuracy(number):
     _, network, start, times, asked = question(number)
-    made = predict(network, None, start, times, accuracy=asked, seed=number, threads=1)
+    made = predict(Model(network, start), None, times, method=asked, seed=number, threads=1)
     truth = solve(network, Transient(), start, times)
     assert made.reached.is_reached
     assert share_of_accuracy(asked, made.result, truth) <= 1
@@ -245,8 +245,8 @@ def test_distributions_take_as_many_runs_as_dvoretzky_kiefer_wolfowitz_and_massa
 
 
 def test_what_was_chosen_is_the_cheaper_and_is_told():
-    cheap = predict(line(), None, [60, 0, 0, 0], [500.0], accuracy="20%", seed=1)
-    dear = predict(line(), None, [60, 0, 0, 0], [500.0], accuracy="0.01%", seed=1)
+    cheap = predict(Model(line(), [60, 0, 0, 0]), None, [500.0], method="20%", seed=1)
+    dear = predict(Model(line(), [60, 0, 0, 0]), None, [500.0], method="0.01%", seed=1)
     assert cheap.method == "auto (lockstep)"
     assert dear.method == "transient"
     for made in (cheap, dear):
@@ -261,11 +261,13 @@ def test_what_was_chosen_is_the_cheaper_and_is_told():
 
 
 def test_the_same_seed_gives_the_same_for_any_number_of_threads():
-    one, two = (predict(line(), None, [300, 0, 0, 0], [100.0, 900.0], accuracy="2%", seed=4, threads=n) for n in (1, 2))
+    one, two = (
+        predict(Model(line(), [300, 0, 0, 0]), None, [100.0, 900.0], method="2%", seed=4, threads=n) for n in (1, 2)
+    )
     assert one.runs == two.runs
     assert_array_equal(one.mean, two.mean)
     assert one.reached == two.reached
-    other = predict(line(), None, [300, 0, 0, 0], [100.0, 900.0], accuracy="2%", seed=5)
+    other = predict(Model(line(), [300, 0, 0, 0]), None, [100.0, 900.0], method="2%", seed=5)
     assert (other.mean != one.mean).any()
 
 
@@ -281,11 +283,11 @@ def test_observables_alone_are_held_to_the_accuracy():
     network = bare_line().with_rates(line().rate_constants)
     sums = Observables.of(network, {"monomer": {"monomer": 1}})
     times = np.array([0.0, 20.0])
-    made = predict(network, None, [300, 0, 0, 0], times, observables=sums, accuracy="1%", seed=2)
+    made = predict_job(Job(Model(network, [300, 0, 0, 0]), times, sums, seed=2), method="1%")
     truth = simulate_statistics(network, "auto", [300, 0, 0, 0], times, 40_000, seed=9)
     assert made.network.species == ("monomer",)
     assert abs(made.mean[1, 0] - truth.mean()[1, 0]) < 0.01 * 300
-    all_shown = predict(network, None, [300, 0, 0, 0], times, accuracy="1%", seed=2)
+    all_shown = predict(Model(network, [300, 0, 0, 0]), None, times, method="1%", seed=2)
     assert all_shown.runs > made.runs
 
 
@@ -293,7 +295,7 @@ def test_with_evidence_the_interval_stands_beside_what_was_asked():
     measured = ChannelRate(rate=0.1, events=40, exposure=400.0, ways=1)
     rates = Rates(convention=Convention(combinations="distinct"), channels={"decay": measured})
     network = Network.from_text("decay: A -> 0, 1")
-    made = predict(network, rates, {"A": 100}, [10.0], accuracy="1%", seed=1, draws=50)
+    made = predict(Model(network, {"A": 100}), rates, [10.0], method="1%", seed=1, draws=50)
     constant = rates.expected(network).rate_constants[0]
     assert made.mean[0, 0] == pytest.approx(100 * np.exp(-10 * constant), rel=0.01)
     assert made.low[0, 0] < made.mean[0, 0] < made.high[0, 0]
@@ -309,7 +311,7 @@ def test_ctrl_c_keeps_the_runs_and_the_accuracy_reached():
         if "about" in text and text.endswith("runs") and len(lines) > 6:
             raise KeyboardInterrupt
 
-    made = predict(line(), None, [1000, 0, 0, 0], [50.0], accuracy="0.1%", seed=1, progress=interrupt)
+    made = predict(Model(line(), [1000, 0, 0, 0]), None, [50.0], method="0.1%", seed=1, progress=interrupt)
     assert not made.is_complete
     assert made.runs > 10
     assert made.reached.error > 0.001
@@ -327,7 +329,7 @@ def test_ctrl_c_ends_the_prediction_and_not_its_first_part_alone():
     network = Network.from_text("decay: A -> 0, 1")
     measured = ChannelRate(rate=0.1, events=40, exposure=400.0, ways=1)
     rates = Rates(convention=Convention(combinations="distinct"), channels={"decay": measured})
-    made = predict(network, rates, {"A": 3000}, [10.0], accuracy="0.1%", seed=1, draws=10**6, progress=interrupt)
+    made = predict(Model(network, {"A": 3000}), rates, [10.0], method="0.1%", seed=1, draws=10**6, progress=interrupt)
     assert not made.is_complete
     assert (made.low, made.high) == (None, None)
     assert "no interval: interrupted before the draws of the rates" in made.notes
@@ -387,14 +389,14 @@ def test_ctrl_c_while_a_solution_is_tried_keeps_the_first_runs(at):
         if text.startswith(at) and len(lines) > 3:
             raise KeyboardInterrupt
 
-    made = predict(line(), None, [1000, 0, 0, 0], [50.0], accuracy="0.1%", seed=1, progress=interrupt)
+    made = predict(Model(line(), [1000, 0, 0, 0]), None, [50.0], method="0.1%", seed=1, progress=interrupt)
     assert not made.is_complete
     assert made.runs >= 16
     assert made.reached.error > 0.001
 
 
 def test_runs_that_were_made_to_forecast_are_used_at_once_and_counted():
-    made = predict(DECAY, None, {"A": 10**5}, [1.0], accuracy="10%", seed=1, threads=1)
+    made = predict(Model(DECAY, {"A": 10**5}), None, [1.0], method="10%", seed=1, threads=1)
     *solutions, runs = made.reached.candidates
     assert runs.remark == f"about {made.runs} runs"
     assert [each.seconds for each in solutions] == [None, None]
@@ -422,24 +424,17 @@ def test_what_the_budget_ends_is_told():
 )
 def test_an_accuracy_that_nothing_reaches_is_refused(given, message):
     with pytest.raises(ValueError, match=message):
-        accuracy_of(given)
+        AskedAccuracy.of_text(given) if isinstance(given, str) else AskedAccuracy(given)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"accuracy": "1%", "method": "ssa"}, "together with an accuracy, which chooses method and runs itself"),
-        ({"accuracy": "1%", "runs": 10}, "together with an accuracy, which chooses method and runs itself"),
-    ],
-)
-def test_contradictions_are_refused(options, message):
-    with pytest.raises(ValueError, match=message):
-        predict(DECAY, None, {"A": 10}, [1.0], **options)
+def test_runs_together_with_an_accuracy_are_refused():
+    with pytest.raises(ValueError, match="runs = 10 together with an accuracy, which chooses the runs itself"):
+        predict(Model(DECAY, {"A": 10}), None, [1.0], "1%", runs=10)
 
 
 def test_an_accuracy_below_the_last_digit_of_the_counts_is_refused():
     with pytest.raises(ValueError, match=r"accuracy = 100 copies of counts up to 4.61e\+18, which double"):
-        predict(DECAY, None, {"A": 2**62}, [1.0], accuracy=100.0)
+        predict(Model(DECAY, {"A": 2**62}), None, [1.0], method=AskedAccuracy(100.0))
 
 
 def test_an_accuracy_of_what_is_refused():
@@ -452,14 +447,14 @@ def test_an_accuracy_of_what_is_refused():
 def test_the_cost_beyond_the_budget_is_told_before_the_work_starts():
     lines, asked = [], AskedAccuracy(1e-5, is_relative=True, budget=1.0)
     with pytest.raises(ValueError, match=r"beyond the budget of 1 s of CPU time.* which runs may reach"):
-        predict(line(), None, [1000, 0, 0, 0], [50.0], accuracy=asked, progress=lines.append)
+        predict(Model(line(), [1000, 0, 0, 0]), None, [50.0], method=asked, progress=lines.append)
     made = [int(text.split()[0]) for text in lines if "of about" in text]
     assert max(made) <= MOST_FIRST  # those alone that forecast the cost
 
 
 def test_rates_that_depend_on_time_are_sampled():
     driven = Network.from_text("0 -> A, 5 * (1 + sin(t))\nA -> 0, 1")
-    made = predict(driven, None, {"A": 0}, [2.0], accuracy="10%", seed=1)
+    made = predict(Model(driven, {"A": 0}), None, [2.0], method="10%", seed=1)
     assert made.method == "auto (general)"
     assert "depends on the time" in str(made.notes)
 
@@ -495,9 +490,9 @@ def test_copies_that_nothing_makes_more_limit_counts():
 def test_a_plain_prediction_imports_nothing_of_it():
     code = (
         "import sys; from kinetics import Network, predict; "
-        "predict(Network.from_text('A -> 0, 1'), None, {'A': 5}, [1.0], runs=5); "
+        "predict(Network.from_text('A -> 0, 1\\nA = 5'), None, [1.0], runs=5); "
         "print([m for m in sys.modules if m.split('.')[-1] in "
-        "('accuracy', 'adaptive', 'tuning', 'ways', 'first_runs', 'sampled_way', 'solved_ways', 'stopping_rule')])"
+        "('adaptive', 'ways', 'first_runs', 'sampled_way', 'solved_ways', 'stopping_rule')])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
@@ -522,7 +517,7 @@ def test_a_job_is_answered_by_itself():
 def test_states_without_end_are_not_listed(text, endless):
     network = Network.from_text(text)
     assert is_endless(network) == endless
-    made = predict(network, None, dict.fromkeys(network.species, 1), [1.0], accuracy="20%", seed=1)
+    made = predict(Model(network, dict.fromkeys(network.species, 1)), None, [1.0], method="20%", seed=1)
     assert ("transient: infinitely many states" in str(made.notes)) == endless
 
 
@@ -540,7 +535,7 @@ def test_states_without_end_are_not_listed(text, endless):
 )
 def test_propensities_next_to_nothing_are_no_fault(text, start, times):
     network = Network.from_text(text)
-    made = predict(network, None, start, times, accuracy="10%", seed=1)
+    made = predict(Model(network, start), None, times, method="10%", seed=1)
     assert made.reached.error <= 0.1
     sampled(AskedAccuracy(0.1, True), network, start, np.array(times), 1)
 
@@ -550,7 +545,7 @@ def test_a_late_explosion_ends_the_figures_of_all_runs():
     network = Network.from_text("0 -> X, 5\nX -> 0, 1\non: G -> A, 6e-4\nA -> 2 A, 30")
     sums = Observables.of(network, {"X": {"X": 1}})
     start, times = {"X": 5, "G": 1}, [0.5, 1.0, 6.0]
-    made = predict(network, None, start, times, accuracy="2%", seed=1, observables=sums, threads=1, max_events=10_000)
+    made = predict_job(Job(Model(network, start), times, sums, 1, threads=1, max_events=10_000), method="2%")
     assert made.truncated.run > FIRST_RUNS
     assert made.times.tolist() == times[: made.times.size]
     assert made.times[-1] == made.truncated.until < made.truncated.beyond
@@ -562,7 +557,9 @@ def test_a_late_explosion_ends_the_figures_of_all_runs():
 
 def test_a_solution_of_all_times_goes_before_runs_of_some():
     network = Network.from_text("A -> B, 200\nB -> A, 200")
-    made = predict(network, None, {"A": 900}, [0.001, 0.2], accuracy="5%", seed=1, max_events=2000, threads=1)
+    made = predict_job(
+        Job(Model(network, {"A": 900}), np.array([0.001, 0.2]), seed=1, threads=1, max_events=2000), method="5%"
+    )
     assert (made.method, made.truncated, made.times.size) == ("transient", None, 2)
 
 
@@ -579,7 +576,7 @@ def test_one_more_way_is_one_line(monkeypatch):
             return Attained(job.distribution(solve(job.model.network, "transient", job.model.initial, job.grid)), 0.0)
 
     monkeypatch.setattr(adaptive, "WAYS", (*adaptive.WAYS, Oracle))
-    made = predict(line(), None, [60, 0, 0, 0], [500.0], accuracy="1%", seed=1)
+    made = predict(Model(line(), [60, 0, 0, 0]), None, [500.0], method="1%", seed=1)
     assert (made.method, made.runs) == ("oracle", None)
     assert made.reached.candidates[-1] == ("oracle", 0.0, "asked")
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from rates_files import LINE, rates_file
 
-from kinetics import Transient, predict, solve
+from kinetics import Model, Transient, predict, solve
 from kinetics.predicting import count_elasticities, passage_elasticities
 from kinetics.predicting.elasticity import elasticities_of_draws
 from kinetics.rates import ChannelRate, Convention, Rates
@@ -50,7 +50,7 @@ def test_a_decay_has_minus_its_rate_times_the_time():
 def test_the_regression_gives_the_average_over_the_posterior_whatever_the_curvature():
     """Of a decay: mean e^{-k}, k from Gamma(a, b): E[k d mean / dk] / E[mean] = -a / (b + 1); no line would do."""
     rates = rates_of(decay=(0, 0.5))
-    drawn = predict(decay(), rates, [50], [1.0], seed=3, draws=1500).drawn
+    drawn = predict(Model(decay(), [50]), rates, [1.0], seed=3, draws=1500).drawn
     found = elasticities_of_draws(drawn)
     error = found.standard_error[0, 0, 0]
     assert abs(found.value[0, 0, 0] + 0.5 / 1.5) < 4.9 * error
@@ -65,7 +65,7 @@ def test_birth_and_death_share_the_variance_by_their_events():
     """Mean b / d (1 - e^{-d t}): elasticity 1 to b; long after, -1 to d. Shares go as 1 / (n + 1/2)."""
     flow = network(("X",), {"birth": ((0,), (1,)), "death": ((1,), (0,))}, [1.0, 1.0])
     rates = rates_of(birth=(100, 100.0), death=(400, 400.0))
-    drawn = predict(flow, rates, [0], [1.0, 30.0], seed=4, draws=400).drawn
+    drawn = predict(Model(flow, [0]), rates, [1.0, 30.0], seed=4, draws=400).drawn
     found = elasticities_of_draws(drawn)
     late = -1 + 1 / (np.e - 1)
     for value, expected in ((found.value[:, 0, 0], [1.0, late]), (found.value[:, 1, 0], [1.0, -1.0])):
@@ -79,7 +79,7 @@ def test_what_has_no_effect_has_no_elasticity():
     """Two decays side by side: each counts for itself. The control of all others."""
     pair = network(("X", "Y"), {"x": ((1, 0), (0, 0)), "y": ((0, 1), (0, 0))}, [1.0, 1.0])
     rates = rates_of(x=(50, 50.0), y=(50, 50.0))
-    drawn = predict(pair, rates, [40, 40], [1.0], seed=5, draws=300).drawn
+    drawn = predict(Model(pair, [40, 40]), rates, [1.0], seed=5, draws=300).drawn
     found = elasticities_of_draws(drawn)
     z = found.value / found.standard_error
     assert (np.abs(z[[0, 1], 0, [1, 0]]) < 4.9).all()
@@ -91,7 +91,7 @@ def test_what_has_no_effect_has_no_elasticity():
 def test_draws_agree_with_exact_derivatives_on_the_line_of_four():
     """64 numbers within 4.9 of their errors, and 0.02 for the curvature of the posterior of 2000 events."""
     rates = measured(2000)
-    drawn = predict(bare_line(), rates, START, TIMES, seed=6).drawn
+    drawn = predict(Model(bare_line(), START), rates, TIMES, seed=6).drawn
     sampled = elasticities_of_draws(drawn)
     exact = count_elasticities(bare_line(), rates, START, TIMES)
     seen = sampled.standard_error < 2
@@ -161,7 +161,7 @@ def test_large_networks_need_evidence_and_draws():
     assert np.isnan(known.share).all()
     with pytest.raises(ValueError, match="without evidence"):
         count_elasticities(bare_line(), bare, [6, 0, 0, 0], [100.0], exact_states=3)
-    few = predict(bare_line(), measured(20), [6, 0, 0, 0], [100.0], draws=5).drawn
+    few = predict(Model(bare_line(), [6, 0, 0, 0]), measured(20), [100.0], draws=5).drawn
     with pytest.raises(ValueError, match="5 draws of the rates for 8 parameters; expected at least 18"):
         count_elasticities(bare_line(), measured(20), [6, 0, 0, 0], [100.0], few, exact_states=3)
 

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 from scipy.stats import binom
 
-from kinetics import Auto, Network, predict
-from kinetics.predicting import AskedAccuracy, forced_firings, tuning
+from kinetics import Auto, Model, Network, predict
+from kinetics.predicting import AskedAccuracy, Job, forced_firings, predict_job, tuning
 from kinetics.predicting.first_runs import SeenRates, first_runs
 from kinetics.predicting.forced_firings import force_firings
 from kinetics.predicting.observables import Observables
@@ -150,7 +150,9 @@ def test_explosions_are_not_followed_and_refuse_nothing(text):
     network = Network.from_text(text + "\n0 -> X, 5\nX -> 0, 1")
     found, _ = forced(network, {"X": 5}, TIMES)
     assert (found.made, found.left_out) == ((), 1)
-    made = predict(network, None, {"X": 5}, [6.0], accuracy="10%", observables=Observables.of(network, {"X": {"X": 1}}))
+    made = predict_job(
+        Job(Model(network, {"X": 5}), np.array([6.0]), Observables.of(network, {"X": {"X": 1}})), method="10%"
+    )
     assert abs(made.mean[0, 0] - 5) < 0.5
     assert "1 rare channel left out, as too many or too expensive to follow" in str(made.notes)
 
@@ -170,7 +172,7 @@ def off_by_too_much(share, repeats):
     network, true = turn(share)
     copies = network.index("M")
     means = (
-        predict(network, None, {"G": 1, "A": 5}, TIMES, accuracy="20%", seed=seed, threads=1).mean[:, copies]
+        predict(Model(network, {"G": 1, "A": 5}), None, TIMES, method="20%", seed=seed, threads=1).mean[:, copies]
         for seed in range(repeats)
     )
     return sum(bool((abs(mean - true) > 0.2 * true.max()).any()) for mean in means)
@@ -244,7 +246,7 @@ def test_standard_deviations_of_bursts_are_kept():
 def test_none_are_sent_where_rates_depend_on_time():
     driven = Network.from_text("0 -> A, 0.01 * (1 + sin(t))\nA -> 0, 1")
     assert forced(driven, {"A": 0}, TIMES)[0] is None
-    made = predict(driven, None, {"A": 0}, [2.0], accuracy="10%", seed=1)
+    made = predict(Model(driven, {"A": 0}), None, [2.0], method="10%", seed=1)
     assert made.runs >= 64  # more than first runs must say so then
     assert f"rare events: {forced_firings.NOT_FORCED}" in made.notes
 
@@ -274,14 +276,14 @@ def test_bursts_in_one_of_300_runs_are_not_missed(with_forced):
 
 def test_forced_firings_count_observables():
     sums = Observables.of(SWITCH, {"M": {"M": 1}})
-    made = predict(SWITCH, None, {"G": 1}, [6.0], observables=sums, accuracy="10%", seed=1)
+    made = predict_job(Job(Model(SWITCH, {"G": 1}), np.array([6.0]), sums, seed=1), method="10%")
     assert made.runs > 2000
     assert "'on' (0.0036 firings a run) was forced to fire" in str(made.notes)
     assert "'on'" in made.reached.to_dict()["rare_events"]
 
 
 def test_solutions_say_nothing_of_rare_events():
-    made = predict(Network.from_text("A -> B, 0.001"), None, {"A": 2}, [1.0], accuracy="10%")
+    made = predict(Model(Network.from_text("A -> B, 0.001"), {"A": 2}), None, [1.0], method="10%")
     assert made.method == "transient"
     assert made.reached.rare == ""
 
@@ -297,7 +299,9 @@ def test_solutions_say_nothing_of_rare_events():
 def test_what_the_page_says_is_not_found(text, start, at, words):
     """Means of 1 copy, of runs of which nearly all show none."""
     network = Network.from_text(text)
-    means = (predict(network, None, start, [at], accuracy="10%", seed=n, threads=1).mean[0, 0] for n in range(1, 41))
+    means = (
+        predict(Model(network, start), None, [at], method="10%", seed=n, threads=1).mean[0, 0] for n in range(1, 41)
+    )
     missed = sum(abs(mean - 1.0) > 0.1 for mean in means)
     page = (Path(__file__).parents[3] / "docs" / "accuracy.md").read_text(encoding="utf-8")
     assert abs(missed - int(re.search(rf"{words} \((\d+) of 40", page)[1])) <= 4

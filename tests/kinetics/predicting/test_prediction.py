@@ -5,8 +5,8 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import gamma
 
-from kinetics import Direct, Transient, first_passage, predict, simulate, solve
-from kinetics.predicting import over_draws, predict_passage
+from kinetics import Direct, Model, Transient, first_passage, predict, simulate, solve
+from kinetics.predicting import Job, over_draws, predict_job, predict_passage
 from kinetics.predicting.observables import Observables
 from kinetics.predicting.prediction import evidence_notes
 from kinetics.rates import ChannelRate, Convention, Rates
@@ -28,7 +28,7 @@ def measured(events, rate=None):
 
 
 def test_without_evidence_there_is_no_interval_and_the_reader_is_told():
-    made = predict(bare_line(), Rates.load("table3"), START, TIMES, runs=50, seed=1)
+    made = predict(Model(bare_line(), START), Rates.load("table3"), TIMES, runs=50, seed=1)
     assert made.low is None
     assert made.high is None
     assert made.notes == ("no interval: these rates come without evidence (events and exposure)",)
@@ -38,7 +38,7 @@ def test_without_evidence_there_is_no_interval_and_the_reader_is_told():
 def test_progress_is_reported_or_not_with_the_same_result():
     lines = []
     one, two = (
-        predict(bare_line(), measured(50), START, TIMES, runs=20, seed=1, draws=3, progress=progress)
+        predict(Model(bare_line(), START), measured(50), TIMES, runs=20, seed=1, draws=3, progress=progress)
         for progress in (None, lines.append)
     )
     assert lines[-1] == "300 of 300 runs, under 3 of 3 draws of the rates"
@@ -48,12 +48,12 @@ def test_progress_is_reported_or_not_with_the_same_result():
 
 def test_mean_and_sd_are_those_of_the_method():
     rates = Rates.load("table3")
-    sampled = predict(bare_line(), rates, START, TIMES, Direct(), runs=200, seed=4)
+    sampled = predict(Model(bare_line(), START), rates, TIMES, Direct(), runs=200, seed=4)
     ensemble = simulate(line(), Direct(), START, TIMES, runs=200, seed=4)
     assert_array_equal(sampled.mean, ensemble.mean())
     assert_allclose(sampled.standard_error, ensemble.sd() / np.sqrt(200), rtol=1e-14)
     assert (sampled.method, sampled.error) == ("ssa", 0.0)
-    exact = predict(bare_line(), rates, START, TIMES, Transient())
+    exact = predict(Model(bare_line(), START), rates, TIMES, Transient())
     assert_array_equal(exact.sd, solve(line(), Transient(), START, TIMES).sd())
     assert exact.method == "transient"
     assert 0 < exact.error < 1e-11
@@ -67,7 +67,7 @@ def test_interval_of_a_decay_in_closed_form():
         convention=Convention(combinations="distinct"),
         channels={"decay": ChannelRate(rate=1.0, ways=1, events=100, exposure=100.0)},
     )
-    made = predict(decay(), rates, [1000], [1.0], seed=2, draws=1000)
+    made = predict(Model(decay(), [1000]), rates, [1.0], seed=2, draws=1000)
     k = np.random.default_rng(1).gamma(100.5, 0.01, size=200_000)
     low, high = 1000 * np.exp(-np.quantile(k, [0.975, 0.025]))
     # The quantile of 1000 draws has a standard error of about 0.065 of the interval's half-width per side.
@@ -81,7 +81,7 @@ def test_a_decay_has_the_posterior_prediction_in_closed_form():
         convention=Convention(combinations="distinct"),
         channels={"decay": ChannelRate(rate=1.0, ways=1, events=3, exposure=3.0)},
     )
-    made = predict(decay(), rates, [100], [1.0], seed=2, draws=1000)
+    made = predict(Model(decay(), [100]), rates, [1.0], seed=2, draws=1000)
     first, second = (100**n * (3 / (3 + n)) ** 3.5 for n in (1, 2))
     between, within = second - first**2, first - second / 100
     assert_allclose(made.standard_error[0, 0], np.sqrt((between + within / 100) / 1000), rtol=0.15)
@@ -90,7 +90,7 @@ def test_a_decay_has_the_posterior_prediction_in_closed_form():
     assert made.runs == 100_000
     # control: the posterior mean of the rate predicts something else
     assert abs(100 * np.exp(-3.5 / 3) - first) > 4.9 * made.standard_error[0, 0]
-    solved = predict(decay(), rates, [100], [1.0], Transient(), seed=2, draws=100)
+    solved = predict(Model(decay(), [100]), rates, [1.0], Transient(), seed=2, draws=100)
     assert_allclose(solved.mean[0, 0], 100 * np.exp(-3.5 / 3), rtol=1e-9)
     assert "mean, sd and band are those at the posterior mean of each rate constant" in solved.notes
 
@@ -108,7 +108,7 @@ def test_no_estimate_leaves_its_interval_and_no_interval_what_is_possible(seed):
     rates = Rates(convention=table.convention, channels=channels)
     most = 8 // np.array([1, 2, 3, 4])
     for method in (Direct(), Transient()):
-        made = predict(bare_line(), rates, [8, 0, 0, 0], [1.0, 100.0], method, runs=10, seed=seed, draws=20)
+        made = predict(Model(bare_line(), [8, 0, 0, 0]), rates, [1.0, 100.0], method, runs=10, seed=seed, draws=20)
         assert (made.low >= 0).all()
         assert (made.low <= made.mean).all()
         assert (made.mean <= made.high).all()
@@ -125,12 +125,12 @@ def test_the_point_rate_of_a_channel_without_events_lies_outside_of_the_interval
         convention=Convention(combinations="distinct"),
         channels={"decay": ChannelRate(rate=0.0, ways=1, events=0, exposure=1.0)},
     )
-    made = predict(decay(), rates, [100], [0.5], seed=1, draws=50)
+    made = predict(Model(decay(), [100]), rates, [0.5], seed=1, draws=50)
     assert made.high[0, 0] < 100 == solve(rates.apply(decay()), Transient(), [100], [0.5]).mean()[0, 0]
 
 
 def test_more_runs_are_more_draws_and_the_first_ones_stay():
-    few, many = (predict(bare_line(), measured(20), START, TIMES, runs=n, seed=5, draws=10) for n in (10, 4000))
+    few, many = (predict(Model(bare_line(), START), measured(20), TIMES, runs=n, seed=5, draws=10) for n in (10, 4000))
     assert (few.runs, many.runs) == (1000, 4000)
     assert_array_equal(few.drawn.means, many.drawn.means)
     assert many.drawn.means.shape == (10, 2, 4)
@@ -139,18 +139,18 @@ def test_more_runs_are_more_draws_and_the_first_ones_stay():
 
 def test_counts_of_every_species_as_observables_are_the_same_runs():
     sums = Observables.of(bare_line(), {name: {name: 1} for name in bare_line().species})
-    whole = predict(bare_line(), measured(20), START, TIMES, seed=5, draws=4)
-    summed = predict(bare_line(), measured(20), START, TIMES, seed=5, draws=4, observables=sums)
+    whole = predict(Model(bare_line(), START), measured(20), TIMES, seed=5, draws=4)
+    summed = predict_job(Job(Model(bare_line(), START), TIMES, sums, seed=5), measured(20), draws=4)
     assert_array_equal(whole.mean, summed.mean)
     assert_array_equal(whole.high, summed.high)
 
 
 def test_interval_does_not_widen_with_monte_carlo_noise():
     # With a million events the rates are known, and what is left among the draws is only sampling noise.
-    made = predict(bare_line(), measured(1_000_000), START, TIMES, seed=3)
+    made = predict(Model(bare_line(), START), measured(1_000_000), TIMES, seed=3)
     noise = made.sd / np.sqrt(100)
     assert np.all(made.high - made.low < noise * 4 * 0.6)
-    loose = predict(bare_line(), measured(10), START, TIMES, seed=3)
+    loose = predict(Model(bare_line(), START), measured(10), TIMES, seed=3)
     assert np.all(loose.high - loose.low > 3 * (made.high - made.low))
     assert np.all(loose.low < loose.mean)
     assert np.all(loose.mean < loose.high)
@@ -160,10 +160,10 @@ def test_interval_does_not_widen_with_monte_carlo_noise():
 
 
 def test_the_same_seed_gives_the_same_prediction():
-    one, other = (predict(bare_line(), measured(20), START, TIMES, seed=5, draws=20, threads=n) for n in (1, 2))
+    one, other = (predict(Model(bare_line(), START), measured(20), TIMES, seed=5, draws=20, threads=n) for n in (1, 2))
     assert_array_equal(one.mean, other.mean)
     assert_array_equal(one.low, other.low)
-    assert np.any(predict(bare_line(), measured(20), START, TIMES, seed=6, draws=20).low != one.low)
+    assert np.any(predict(Model(bare_line(), START), measured(20), TIMES, seed=6, draws=20).low != one.low)
 
 
 def test_channels_without_evidence_are_named():
@@ -217,7 +217,7 @@ def test_interrupted_runs_give_a_prediction_that_says_so(monkeypatch):
         return counts(source, grid, runs, first_run, threads, watch)
 
     monkeypatch.setattr(RunSource, "counts", interrupted)
-    made = predict(bare_line(), Rates.load("table3"), START, TIMES, Direct(), runs=400, seed=1)
+    made = predict(Model(bare_line(), START), Rates.load("table3"), TIMES, Direct(), runs=400, seed=1)
     assert (made.runs, made.low, made.is_complete) == (100, None, False)
     assert "interrupted: 100 of 400 runs were made" in made.notes
 
@@ -229,26 +229,26 @@ def test_interrupted_draws_give_the_prediction_of_those_that_were_made(monkeypat
         if "under 30 of" in text:
             raise KeyboardInterrupt
 
-    made = predict(bare_line(), measured(50), START, TIMES, seed=1, draws=60, progress=interrupt)
+    made = predict(Model(bare_line(), START), measured(50), TIMES, seed=1, draws=60, progress=interrupt)
     assert (made.runs, made.is_complete, len(made.drawn.means)) == (3000, False, 30)
     assert "interrupted: 30 draws of the rates, 3000 runs were made" in made.notes
-    whole = predict(bare_line(), measured(50), START, TIMES, seed=1, draws=60)
+    whole = predict(Model(bare_line(), START), measured(50), TIMES, seed=1, draws=60)
     assert whole.is_complete
     assert_array_equal(made.drawn.means, whole.drawn.means[:30])
     assert np.all((made.low < whole.high) & (whole.low < made.high))
 
 
 def test_counts_of_a_wide_range_tell_how_well_their_band_is_known(monkeypatch):
-    exact = predict(decay(), None, [1000], [0.7], runs=200)
+    exact = predict(Model(decay(), [1000]), None, [0.7], runs=200)
     assert not any("copies" in note for note in exact.notes)
     monkeypatch.setattr(statistics, "MOST_BINS", 16)
-    rounded = predict(decay(), None, [1000], [0.7], runs=200)
+    rounded = predict(Model(decay(), [1000]), None, [0.7], runs=200)
     assert "the middle 95 % of the runs is known to 4 copies" in rounded.notes
     assert_array_equal(rounded.sd, exact.sd)
 
 
 def test_plot_and_table():
-    made = predict(bare_line(), measured(50), START, TIMES, runs=50, draws=10)
+    made = predict(Model(bare_line(), START), measured(50), TIMES, runs=50, draws=10)
     ax = Figure().add_subplot()
     assert made.plot(ax) is ax
     assert len(ax.get_lines()) == 4 + 2 * 4
@@ -257,9 +257,9 @@ def test_plot_and_table():
 
 def test_bad_input():
     with pytest.raises(ValueError, match="another network"):
-        predict(decay(), Rates.load("table3"), [1], TIMES)
+        predict(Model(decay(), [1]), Rates.load("table3"), TIMES)
     with pytest.raises(ValueError, match="draws = 1"):
-        predict(bare_line(), measured(50), START, TIMES, draws=1)
+        predict(Model(bare_line(), START), measured(50), TIMES, draws=1)
 
 
 @pytest.mark.parametrize("change", [{"runs": 0}, {"runs": 2.5}, {"runs": True}, {"threads": 0}, {"first_run": -1}])

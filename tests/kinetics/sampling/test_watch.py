@@ -196,11 +196,11 @@ def test_an_outlook_that_nobody_knows_is_none():
 
 
 def test_a_prediction_says_what_it_leaves_out():
-    found = predict(YULE, None, [10], [1.0, 60.0], runs=40, seed=1, threads=1)
+    found = predict(Model(YULE, [10]), None, [1.0, 60.0], runs=40, seed=1, threads=1)
     assert_array_equal(found.times, [1.0])
     assert found.truncated.beyond == 60.0
     assert str(found.truncated) in found.notes
-    whole = predict(YULE, None, [10], [1.0], runs=40, seed=1)
+    whole = predict(Model(YULE, [10]), None, [1.0], runs=40, seed=1)
     assert whole.truncated is None
     assert_array_equal(found.mean, whole.mean)
 

@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 
-from kinetics import Chain, Network, Sensitivity, first_passage, predict
+from kinetics import Chain, Model, Network, Sensitivity, first_passage, predict
 from kinetics.markov import ask
 from kinetics.markov.transient import Dense
 from kinetics.support import interrupts
@@ -24,7 +24,7 @@ def numbers():
     """Of every kernel that is cut, and of every call that is heard."""
     net, ring = Network.from_text(LOOP), Network.from_text(RING)
     chain, whole = Chain.of(net, net.initial), Chain.of(ring, ring.initial)
-    found = [predict(net, None, net.initial, [1.0, 5.0], "transient").mean]
+    found = [predict(Model(net, net.initial), None, [1.0, 5.0], "transient").mean]
     found += [ask(chain, question).value for question in ("P=? [ F<=4 D >= 3 ]", "E[B] @ 3", "P=? [ F D >= 3 ]")]
     found += [ask(whole, "S=? [ C = 4 ]").value, ask(whole, 'R{"time"}=? [ F A = 0 ]').value]
     found += [Sensitivity(chain).until("D >= 3", by=4.0).elasticity]
