@@ -19,7 +19,9 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a 
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-collect_ignore = ["conftest.py"]  # there is another one in docs/, and modules with examples need names of their own
+def pytest_ignore_collect(collection_path):
+    """Only tests: what they share holds no examples, and would be imported once more under another name."""
+    return True if collection_path.suffix == ".py" and not collection_path.name.startswith("test_") else None
 
 
 def pytest_addoption(parser):

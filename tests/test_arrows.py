@@ -1,6 +1,7 @@
 """Who may import whom: the arrows of ARCHITECTURE.md, read from the source."""
 
 import ast
+import functools
 import json
 import re
 import subprocess
@@ -97,6 +98,7 @@ def objections(found: Import) -> list[str]:
     return [f"{module} imports {target}: {why}" for why in broken]
 
 
+@functools.cache
 def all_imports() -> list[Import]:
     """Every import of every module of ours."""
     return [

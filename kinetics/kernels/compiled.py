@@ -48,7 +48,8 @@ def compiled(
     """
     if function is None:
         return functools.partial(compiled, nogil=nogil, error_model=error_model, inline=inline)
-    dispatcher: Any = njit(nogil=nogil, error_model=error_model, inline=inline)(function)
+    options: Any = {"no_cfunc_wrapper": True}  # a wrapper for callers in C takes long, and there are none
+    dispatcher: Any = njit(nogil=nogil, error_model=error_model, inline=inline, **options)(function)
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         dispatcher.get_call_template = functools.partial(template_of_plain_types, dispatcher.get_call_template)
         dispatcher._compile_for_args = functools.partial(beside_interrupts, dispatcher._compile_for_args)

@@ -20,7 +20,7 @@ BUFFER = 1024  # events that are kept before they are written to the grid
 
 
 @compiled
-def advance(model, changes, counts, clock, end, stream, times, fired, stop=None):
+def advance(model, changes, counts, clock, end, stream, times, fired, stop):
     """Run one trajectory on until `end`, or until the buffers of events are full.
 
     model : see `sampling.merging.MergedChannels`
@@ -118,7 +118,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop=None)
 
 
 @compiled
-def ensemble(model, changes, work, initial, grid, key, first_run, limits, out, most, stop=None, reached=None):
+def ensemble(model, changes, work, initial, grid, key, first_run, limits, out, most, stop, reached):
     """Counts of many runs on a grid of times: go on with them until about `most` events were made.
 
     model, changes : see `advance`
@@ -166,7 +166,7 @@ def ensemble(model, changes, work, initial, grid, key, first_run, limits, out, m
             notes[PASSED] = seen
             notes[EVENTS] += n_events
             most -= n_events
-        if stop is not None and outcome == STOPPED:
+        if outcome == STOPPED:
             reached[i] = clock[0]
             outcome = REACHED_END
         if outcome != REACHED_END:

@@ -51,3 +51,10 @@ class Stop(NamedTuple):
     def of_channels(self, channels: np.ndarray) -> "Stop":
         """A copy for a kernel whose channels (G,) are these of the network."""
         return self._replace(affects_stop=np.append(self.affects_stop[channels], False))
+
+
+def never(n_channels: int) -> Stop:
+    """A condition that never holds, for a kernel with G channels: without one, kernels would be compiled once more."""
+    nothing = np.empty(0, dtype=np.int32)
+    fails = np.array([0.0, 0.0, FAILS, FAILS, 0.0])
+    return Stop(np.zeros(n_channels + 1, dtype=np.bool_), fails, nothing, nothing, np.empty(0))

@@ -76,7 +76,7 @@ def ensemble(model, members, units, changes, work, initial, end, key, first_run,
             if room <= 0:
                 work.at[0] = t
                 return UNFINISHED
-            outcome, n_events = advance(model, changes, counts, clock, end, stream, times[:room], chosen[:room])
+            outcome, n_events = advance(model, changes, counts, clock, end, stream, times[:room], chosen[:room], None)
             most -= n_events
             notes[EVENTS] += n_events
             for event in range(n_events):

@@ -186,7 +186,7 @@ def settle(model, work, counts, t):
 
 
 @compiled
-def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired, stop=None):
+def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired, stop):
     """Run one trajectory on until it has passed the last time of the grid, or until the draws are used up.
 
     Arguments and result as of `kernels.grouped.advance`.
@@ -194,8 +194,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     n_channels, n_times, n_blocks = model.change_starts.size - 1, grid.size, work.sums.size
     timed, readers, results, sums, upto = model.timed, model.readers, work.results, work.sums, work.upto
     is_timed, has_windows = timed.size > 0, timed.size + model.clocked.size + np.sum(model.is_delayed) > 0
-    if stop is not None:
-        affects_stop, table = stop.affects_stop, stop.table
+    affects_stop, table = stop.affects_stop, stop.table
     t = clock[0]
     passed, n_events = seen[0], 0
     is_over, chosen = False, 0
@@ -203,7 +202,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     if work.notes[0] == 0:
         work.notes[0] = 1
         outcome = settle(model, work, counts, t)
-        if stop is not None and outcome == REACHED_END and holds(stop, table, counts):
+        if outcome == REACHED_END and holds(stop, table, counts):
             outcome = STOPPED
     for draw in range(waits.size):
         if outcome != REACHED_END:
@@ -230,7 +229,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         if not is_candidate:
             is_turn = first_due(work, t) >= 0 or (model.clocked.size > 0 and has_turned(model, work, counts, t))
             outcome = settle(model, work, counts, t) if is_turn else open_window(model, work, counts, t)
-            if stop is not None and is_turn and outcome == REACHED_END and holds(stop, table, counts):
+            if is_turn and outcome == REACHED_END and holds(stop, table, counts):
                 outcome = STOPPED
             continue
 
@@ -269,7 +268,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
-        if stop is not None and affects_stop[chosen] and not model.is_waking[chosen] and holds(stop, table, counts):
+        if affects_stop[chosen] and not model.is_waking[chosen] and holds(stop, table, counts):
             outcome = STOPPED
             break
         # Renew the laws that read a changed count, and their bounds: steady ones bound themselves.
@@ -291,7 +290,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             outcome = settle(model, work, counts, t)
         elif model.is_reopening[chosen]:
             outcome = open_window(model, work, counts, t)
-        if stop is not None and model.is_waking[chosen] and outcome == REACHED_END and holds(stop, table, counts):
+        if model.is_waking[chosen] and outcome == REACHED_END and holds(stop, table, counts):
             outcome = STOPPED  # after the events that this firing has set off
     if is_over:  # the event has not been
         for k in range(model.change_starts[chosen], model.change_starts[chosen + 1]):

@@ -65,7 +65,7 @@ def start(model, work, counts):
 
 
 @compiled
-def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired, stop=None):
+def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired, stop):
     """Run one trajectory on until it has passed the last time of the grid, or until the draws are used up.
 
     model, work : see `GroupedModel` and `GroupedWork`; work is changed in place
@@ -75,7 +75,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     waits, uniforms : (D,) draws
     grid, out : (T,) tu and (T, S), receives the counts
     times, fired : receive the events; (D,), or (0,) if none are asked for
-    stop : see `Stop`; None if nothing ends the run before
+    stop : see `Stop`
 
     Returns the outcome.
     """
@@ -83,8 +83,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     species, readers, touched = model.species, model.readers, model.touched
     propensities, sums, upto = work.propensities, work.sums, work.upto
     n_blocks, n_channels = sums.size, propensities.size
-    if stop is not None:
-        affects_stop, table = stop.affects_stop, stop.table
+    affects_stop, table = stop.affects_stop, stop.table
     t = clock[0]
     passed, n_events = seen[0], 0
     outcome = UNFINISHED
@@ -131,7 +130,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
-        if stop is not None and affects_stop[chosen] and holds(stop, table, counts):
+        if affects_stop[chosen] and holds(stop, table, counts):
             outcome = STOPPED
             break
     if is_over:  # the event has not been

@@ -257,7 +257,9 @@ def go_on(model, work, grid, out, times, fired, most):
         start_stream(of_leap, OWN, stream)
         for s in range(n_species):
             state[s] = counts[s]
-        outcome, n_events = advance(model.merged, model.changes, counts, clock, grid[-1], stream, step_times, stepped)
+        outcome, n_events = advance(
+            model.merged, model.changes, counts, clock, grid[-1], stream, step_times, stepped, None
+        )
         notes[EVENTS] += n_events + 1
         if keeps:
             times[number : number + n_events] = step_times[:n_events]

@@ -101,7 +101,7 @@ def factored_lanes(coefficient, factors, r, counts, propensities, active):
 
 
 @compiled
-def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, is_odd, most, stop=None, reached=None):
+def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, is_odd, most, stop, reached):
     """`direct.ensemble`, with `LANES` runs side by side: each does the arithmetic of `advance`, in a lane of vectors.
 
     work : see `LockstepWork`; changed in place
@@ -125,8 +125,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
     words, run, seen, needed, chosen = work.words, work.run, work.seen, work.needed, work.chosen
     active, steps = work.notes[ACTIVE], work.notes[STEPS]
     last = steps + most
-    if stop is not None:
-        affects_stop, table = stop.affects_stop, stop.table
+    affects_stop, table = stop.affects_stop, stop.table
     if work.notes[RUNS] == 0:
         active = min(LANES, runs)
         for lane in range(active):
@@ -250,19 +249,18 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
                 for k in range(starts[chosen[lane]], starts[chosen[lane] + 1]):
                     counts[species_of[k], lane] += change[species_of[k], chosen[lane]]
 
-        if stop is not None:
-            for lane in range(lanes):
-                if run[lane] < 0 or not affects_stop[chosen[lane]] or not holds(stop, table, counts[:, lane]):
-                    continue
-                reached[run[lane]] = t[lane]
-                for k in range(seen[lane], n_times):
-                    for s in range(n_species):
-                        out[run[lane], k, s] = np.int64(counts[s, lane])
-                if work.notes[RUNS] < runs:
-                    begin_lane(lane, work, initial, grid, key, first_run, limits, stream)
-                else:
-                    run[lane] = -1
-                    n_ended += 1
+        for lane in range(lanes):
+            if run[lane] < 0 or not affects_stop[chosen[lane]] or not holds(stop, table, counts[:, lane]):
+                continue
+            reached[run[lane]] = t[lane]
+            for k in range(seen[lane], n_times):
+                for s in range(n_species):
+                    out[run[lane], k, s] = np.int64(counts[s, lane])
+            if work.notes[RUNS] < runs:
+                begin_lane(lane, work, initial, grid, key, first_run, limits, stream)
+            else:
+                run[lane] = -1
+                n_ended += 1
         if n_ended > 0:  # close the ranks
             kept = 0
             for lane in range(lanes):

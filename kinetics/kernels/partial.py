@@ -123,7 +123,7 @@ def eight(parts, i):
 
 
 @compiled
-def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired, stop=None):
+def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired, stop):
     """Run one trajectory on until it has passed the last time of the grid, or until the draws are used up.
 
     Arguments and result as of `kernels.grouped.advance`.
@@ -133,8 +133,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     change_starts, change_owners, change_copies = model.change_starts, model.change_owners, model.change_copies
     species = model.species
     copies, partials, sums, blocks, spans = work.copies, work.partials, work.sums, work.blocks, work.spans
-    if stop is not None:
-        affects_stop, table = stop.affects_stop, stop.table
+    affects_stop, table = stop.affects_stop, stop.table
     # Unsigned: indices need no check for negative ones.
     one, side, width, n_spans = np.uint64(1), np.uint64(BLOCK), np.uint64(sums.size), np.uint64(spans.size)
     t, passed, n_events, age = clock[0], seen[0], 0, work.age[0]
@@ -226,7 +225,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = chosen
         n_events += 1
-        if stop is not None and affects_stop[chosen] and holds(stop, table, counts):
+        if affects_stop[chosen] and holds(stop, table, counts):
             outcome = STOPPED
             break
     if is_over:  # the event has not been

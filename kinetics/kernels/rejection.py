@@ -186,7 +186,7 @@ def pick(target, lowest, highest, sizes, uppers, inverses, masses, members, grou
 
 
 @compiled
-def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired, stop=None):
+def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times, fired, stop):
     """Run one trajectory on until it has passed the last time of the grid, or until the draws are used up.
 
     Arguments and result as of `kernels.grouped.advance`.
@@ -194,8 +194,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     channels, factors, words, lists = model.channels, model.factors, model.words, model.lists
     groups, places, members, sizes = work.groups, work.places, work.members, work.sizes
     uppers, inverses, masses = work.uppers, work.inverses, work.masses
-    if stop is not None:
-        affects_stop, table = stop.affects_stop, stop.table
+    affects_stop, table = stop.affects_stop, stop.table
     # Unsigned: indices need no check for negative ones.
     one, two, three, n_groups = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(groups.size)
     base, lowest, highest = work.bins[0], work.bins[1], work.bins[2]
@@ -328,7 +327,7 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             times[n_events] = t
             fired[n_events] = fires
         n_events += 1
-        if stop is not None and affects_stop[fires] and holds(stop, table, counts):
+        if affects_stop[fires] and holds(stop, table, counts):
             outcome = STOPPED
             break
     if is_over:  # the event has not been; undone out here, it costs the others nothing

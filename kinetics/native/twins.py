@@ -31,14 +31,14 @@ from kinetics.support.interrupts import short_slices
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Words = NDArray[np.uint64]
-Stopping = tuple[Stop | None, Floats | None]  # the condition at which runs end, and when it first held in each
+Stopping = tuple[Stop, Floats]  # the condition at which runs end, and when it first held in each
 
 BLOCK = 8  # channels, whose propensities are summed by themselves
 
 
 def direct(
     model: Any, changes: Ints, work: EnsembleWork, initial: Ints, grid: Floats, key: Words, first_run: int, out: Ints,
-    stopping: Stopping = (None, None),
+    stopping: Stopping,
 ) -> Callable[[Ints, int], int]:  # fmt: skip
     """What goes on with many runs by the direct method, one by one, given limits and the most events of a call:
     `direct.ensemble`."""
@@ -54,7 +54,7 @@ def direct(
 
 def lockstep(
     model: Any, changes: Ints, lanes: Lanes, initial: Ints, grid: Floats, key: Words, first_run: int, out: Ints,
-    is_odd: NDArray[np.bool_], stopping: Stopping = (None, None),
+    is_odd: NDArray[np.bool_], stopping: Stopping,
 ) -> Callable[[Ints, int], None]:  # fmt: skip
     """What goes on with many runs, 64 side by side, given limits and the most events of a call:
     `lockstep.lockstep`."""
@@ -98,18 +98,18 @@ def _model(model: Any, changes: Ints) -> Any:
     return _last.made
 
 
-def _has_program(stop: Stop | None) -> bool:
+def _has_program(stop: Stop) -> bool:
     """Whether the condition needs the machine that runs programs, of which there is none in C."""
-    return stop is not None and stop.codes.size > 0
+    return stop.codes.size > 0
 
 
-def _table(stop: Stop | None) -> Any:
-    return None if stop is None else filled(StopTable, stop.affects_stop, stop.table)
+def _table(stop: Stop) -> Any:
+    return filled(StopTable, stop.affects_stop, stop.table) if stop.affects_stop.any() else None
 
 
 def events(
     model: Any, changes: Ints, counts: Ints, clock: Floats, end: float, stream: Words, times: Floats, fired: Ints,
-    stop: Stop | None = None,
+    stop: Stop,
 ) -> tuple[int, int]:  # fmt: skip
     """Run one trajectory on until `end`, or until the buffers of events are full: `direct.advance`."""
     if not is_built() or _has_program(stop):

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinetics.kernels import outcomes
-from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, RUN, Stop
+from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, RUN, Stop, never
 from kinetics.runs.truncation import TruncatedRunsError, Truncation
 from kinetics.sampling.outlook import Outlook
 from kinetics.support.arrays import Floats, Ints, whole_number
@@ -110,14 +110,13 @@ class Watch:
         followed = max(self.first_run + FIRST_RUNS, followed)
         return np.array([min(few + 1, self.grid.size), few, followed - first_run, self.first_look])
 
-    def stop_of(self, first_run: int, runs: int, channels: Ints) -> tuple[Stop | None, Floats | None]:
-        """The stop condition as a kernel with channels (G,) reads it; None without a condition.
+    def stop_of(self, first_run: int, runs: int, channels: Ints) -> tuple[Stop, Floats]:
+        """The stop condition as a kernel with channels (G,) reads it.
 
         Returns the condition and a view (runs,) into `reached`.
         """
-        if self.until is None:
-            return None, None
-        return self.until.of_channels(channels), self.reached[first_run - self.first_run :][:runs]
+        stop = never(len(channels)) if self.until is None else self.until.of_channels(channels)
+        return stop, self.reached[first_run - self.first_run :][:runs]
 
     def pause(self, began: float) -> None:
         """Between calls of a kernel, `hear` Ctrl-C and set how many events the next call makes.

@@ -23,7 +23,7 @@ import click
 import numpy as np
 
 from kinetics.assembly import RuleBook, derive
-from kinetics.kernels.ensemble_work import ensemble_work
+from kinetics.kernels.ensemble_work import ensemble_work, never
 from kinetics.native import twins
 from kinetics.native.lanes import Lanes
 from kinetics.native.library import is_built
@@ -90,11 +90,11 @@ def events(repeats: int) -> None:
     merging, start = Merging.of(network), np.array([60, 0, 0, 0])
     model, changes = merging.model(), network.stoichiometry[merging.representatives]
     grid, key = np.array([2000.0]), stream_key(0)
-    limits, runs = np.array([1, 1, 0, 10**9]), 2000
+    limits, runs, until = np.array([1, 1, 0, 10**9]), 2000, (never(len(changes)), np.empty(0))
     kernels = {
-        "direct": lambda out: twins.direct(model, changes, ensemble_work(4), start, grid, key, 0, out),
+        "direct": lambda out: twins.direct(model, changes, ensemble_work(4), start, grid, key, 0, out, until),
         "lockstep": lambda out: twins.lockstep(
-            model, changes, Lanes(model, changes), start, grid, key, 0, out, np.zeros(runs, dtype=bool)
+            model, changes, Lanes(model, changes), start, grid, key, 0, out, np.zeros(runs, dtype=bool), until
         ),
     }
     paths = islice(Direct().sample_paths(network, start, 2000.0), 50)

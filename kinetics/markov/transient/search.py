@@ -208,12 +208,13 @@ class Search:
         for k, (law, r) in enumerate(self._laws if len(going) else []):
             works[~stops, k] = self._factor(r) * law.values(going, 0.0) > 0.0
         slots = state_tables.tabulate(keys, len(states), state_tables.slots_for(max(len(states), 1)))
-        return (np.ascontiguousarray(states), keys, slots), (stops, works, self._law_of)
+        # All writable, whatever came: kernels would be compiled once more for arrays that are not.
+        return (np.array(states), keys, slots), (stops, works, self._law_of)
 
     def _stops(self, states: Ints) -> Mask:
         if self._stop is None:
             return np.zeros(len(states), dtype=bool)
-        return np.broadcast_to(np.asarray(self._stop(states), dtype=bool), (len(states),))
+        return np.full(len(states), self._stop(states), dtype=bool)
 
     def _factor(self, r: int) -> float:
         """Constant times ways of a channel; 1 if there is no constant yet."""

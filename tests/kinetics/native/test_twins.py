@@ -12,7 +12,7 @@ from sampled_networks import ENZYME, MIXED, PRODUCTS, THIRD_ORDER, ring
 
 from kinetics.kernels import direct, elimination, exploration, markov, outcomes, residuals
 from kinetics.kernels import statistics as tallies
-from kinetics.kernels.ensemble_work import BEFORE, EVENTS, RUN, ensemble_work
+from kinetics.kernels.ensemble_work import BEFORE, EVENTS, RUN, ensemble_work, never
 from kinetics.markov.transient import reachable
 from kinetics.markov.transient.search import key_multipliers, keys_of
 from kinetics.native import library, state_tables, twins
@@ -75,11 +75,11 @@ KERNELS = {"direct": one_by_one, "lockstep": side_by_side}
 
 def ended(make, in_c, net, initial, end, runs, events_a_call=10**6, until=None):
     """What stopped runs, and counts; and when a condition held, if there is one."""
-    merging, start = Merging.of(net), np.asarray(initial, np.int64)
+    merging, start = Merging.of(net), net.state(initial)
     out = np.full((runs, 7, start.size), -1, np.int64)
     changes, grid = net.stoichiometry[merging.representatives], np.linspace(0.0, end, 7)
-    stop = None if until is None else stop_at(until, net, start)[0].of_channels(merging.representatives)
-    reached = None if until is None else np.full(runs, np.inf)
+    stop = never(len(changes)) if until is None else stop_at(until, net, start)[0].of_channels(merging.representatives)
+    reached = np.full(runs, np.inf)
     with patch.object(twins, "is_built", return_value=in_c):
         return make(merging.model(), changes, start, grid, out, events_a_call, (stop, reached)), out, reached
 
@@ -133,10 +133,12 @@ def run_by(kernel, net, initial, end, model=None):
     merging = Merging.of(net)
     counts, clock, stream = np.append(initial, 1).astype(np.int64), np.zeros(3), stream_key(4)
     outcome, found = outcomes.UNFINISHED, []
+    changes = net.stoichiometry[merging.representatives]
     while outcome == outcomes.UNFINISHED and len(found) < 40:
         times, fired = np.empty(50), np.empty(50, np.int64)
-        changes = net.stoichiometry[merging.representatives]
-        outcome, n = kernel(model or merging.model(), changes, counts, clock, end, stream, times, fired)
+        outcome, n = kernel(
+            model or merging.model(), changes, counts, clock, end, stream, times, fired, never(len(changes))
+        )
         found.append((times[:n], fired[:n]))
     return outcome, *map(np.concatenate, zip(*found, strict=True)), counts, clock, stream
 

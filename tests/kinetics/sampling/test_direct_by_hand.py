@@ -13,7 +13,7 @@ from sampled_networks import MIXED, PRODUCTS, THIRD_ORDER
 
 from kinetics.kernels import direct, exposures
 from kinetics.kernels.direct import advance
-from kinetics.kernels.ensemble_work import EVENTS, LOOK, RUN, ensemble_work
+from kinetics.kernels.ensemble_work import EVENTS, LOOK, RUN, ensemble_work, never
 from kinetics.kernels.members import NAMING, Members, member_at
 from kinetics.kernels.outcomes import REACHED_END, UNFINISHED
 from kinetics.network import Model, Network
@@ -120,7 +120,7 @@ def test_a_path_is_that_by_hand(net, initial, end, run):
 def test_counts_on_a_grid_are_those_by_hand(net, initial, end):
     grid = np.linspace(0.0, end, 7)
     out = np.empty((2, 7, len(initial)), np.int64)
-    RecomputingSampler(net).ensemble(np.array(initial), grid, KEY, 3, out, Watch(grid))
+    RecomputingSampler(net).ensemble(net.state(initial), grid, KEY, 3, out, Watch(grid))
     for run, counts in zip((3, 4), out, strict=True):
         times, _, states = by_hand(net, initial, end, run)
         assert_array_equal(counts, states[np.searchsorted(times, grid)])
@@ -147,7 +147,7 @@ def test_a_run_of_more_events_than_a_buffer_goes_on():
     assert_allclose(found, times, rtol=1e-12)
     out = np.empty((1, 3, 1), np.int64)
     grid = np.array([1.0, 30.0, 52.0])
-    RecomputingSampler(net).ensemble(np.array([50]), grid, KEY, 1, out, Watch(grid))
+    RecomputingSampler(net).ensemble(net.state([50]), grid, KEY, 1, out, Watch(grid))
     assert_array_equal(out[0], states[np.searchsorted(times, [1.0, 30.0, 52.0])])
     ((events, exposures),) = exposures_of_draws(Model.of(net, [50]), net.known_rates[None], 52.0, 1, 12, first_run=1)
     assert_array_equal(events[0], np.bincount(channels))
@@ -164,13 +164,14 @@ def kernel_calls(kernel, net, start, grid, limits, out):
     sampler, work = RecomputingSampler(net), ensemble_work(1)
     if kernel is direct:
         return work, lambda most: direct.ensemble(
-            sampler.model, sampler.changes, work, np.array(start), grid, KEY, 3, np.array(limits), out, most
-        )
+            sampler.model, sampler.changes, work, net.state(start), grid, KEY, 3, np.array(limits), out, most,
+            never(1), np.empty(0),
+        )  # fmt: skip
     place = exposures.ExposureWork(work, np.empty(4, np.uint64), np.zeros(1))
     work.notes[LOOK] = limits[3]
     members, units = sampler.merging.named(None), mass_action(net.with_rates([1.0] * len(net.channels)))
     return work, lambda most: exposures.ensemble(
-        sampler.model, members, units, sampler.changes, place, np.array(start), grid[-1], KEY, 3, *out, most
+        sampler.model, members, units, sampler.changes, place, net.state(start), grid[-1], KEY, 3, *out, most
     )
 
 
@@ -217,7 +218,7 @@ def test_a_count_beyond_its_type_stops_the_run_that_it_is_in():
     full = np.array([2**63 - 3])
     out = np.empty((9, 1, 1), np.int64)
     watch = Watch(np.array([1.5]), Outlook(net), first_run=first)
-    RecomputingSampler(net).ensemble(full, watch.grid, KEY, first, out, watch)
+    RecomputingSampler(net).ensemble(net.state(full), watch.grid, KEY, first, out, watch)
     assert watch.truncation(9).reason == "overflow"
     assert watch.truncation(9).among == 9
     assert watch.truncation(9).truncated == sum(n >= 3 for n in births[first : first + 9])
@@ -236,7 +237,7 @@ def test_what_cannot_happen_does_not_where_the_draw_is_zero():
     word = np.uint64(0x9E3779B97F4A7C15)
     stream = np.array([0, word, 5, word], np.uint64)
     times, fired, counts = np.zeros(1), np.zeros(1, np.int64), np.array([0, 9, 1])
-    found = advance(sampler.model, sampler.changes, counts, np.zeros(3), 50.0, stream, times, fired)
+    found = advance(sampler.model, sampler.changes, counts, np.zeros(3), 50.0, stream, times, fired, never(2))
     assert found == (UNFINISHED, 1)
     assert (fired.tolist(), counts.tolist()) == ([1], [1, 8, 1])
     members = Members(np.array([0, 2]), np.array([0, 1]), np.array([1.0, 1.0]), np.array([0, 1], np.int32), np.zeros(2))

@@ -15,6 +15,7 @@ from scipy.stats import binom, nbinom
 
 from kinetics import Transient
 from kinetics.kernels import compiled, grouped, outcomes, partial, rejection, streams
+from kinetics.kernels.ensemble_work import never
 from kinetics.network import Network
 from kinetics.sampling import (
     SAMPLING_METHODS,
@@ -175,7 +176,7 @@ def advance_some(sampler, work, counts, n=500):
     stream = np.empty(4, dtype=np.uint64)
     streams.start_stream(stream_key(31), 0, stream)
     streams.draw(stream, waits, uniforms)
-    none = np.empty(0), np.empty(0, dtype=np.int64)
+    none = np.empty(0), np.empty(0, dtype=np.int64), never(len(sampler.order))
     seen, clock, grid = np.zeros(2, dtype=np.int64), np.zeros(3), np.array([1e300])
     outcome = sampler.advance(work, counts, seen, clock, waits, uniforms, grid, out, *none)
     assert outcome == outcomes.UNFINISHED
