@@ -9,12 +9,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calibration.estimating.exposure import count
-from kinetics.network import Network, Tank
+from kinetics.network import Model, Network, Tank
 from kinetics.rates import Rates
 from kinetics.rates.breaks import Expansion
 from kinetics.runs import JumpPath
-from kinetics.sampling import sample_path
+from kinetics.sampling import exposures_of_draws, sample_path
 from kinetics.support.arrays import Floats, Ints, rising_times
 
 DRAWS = 100
@@ -72,8 +71,10 @@ class Forecast:
         that are used up are not there any more: the exposure is that of the whole run.
         """
         total = np.zeros(len(self.network.channels))
-        for row, path in zip(self.constants, self.paths(initial, duration), strict=True):
-            np.add.at(total, self.expansion.base_of, row * count(path).exposure)
+        start = Model.of(self.expansion.network.with_rates(self.constants[0]), initial)
+        made = exposures_of_draws(start, self.constants, duration, runs=1, seed=self.seed)
+        for row, (_, (exposures,)) in zip(self.constants, made, strict=True):
+            np.add.at(total, self.expansion.base_of, row * exposures)
         return total / len(self.constants)
 
 
