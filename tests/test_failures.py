@@ -17,6 +17,9 @@ from kinetics.support.cli.failures import FAULT, INTERRUPTED, MISTAKE, OUTSIDE, 
 ROOT = Path(__file__).parents[1]
 SCENE = (ROOT / "mechsim" / "scenes" / "line4.toml").read_text(encoding="utf-8")
 PREDICT = ["predict", "line4", "--rates", "table3", "--cubes", 6, "--runs", 5, "--duration", 1]
+# Follows paths, which takes kernels that have no twin in C, and few.
+ALONG = ["scan", "line4", "--rates", "table3", "--over", "cubes=6", "--max-states", "0", "--runs", "5"]
+ALONG += ["--ask", "P=? [ F[1,200] dimer >= 1 ]"]
 SIMULATE = ["simulate", "line4", "--cubes", 6, "--duration", 0.1]
 
 
@@ -277,17 +280,17 @@ def refuse(self):
     raise OSError(30, "Read-only file system")
 caching._CacheLocator.ensure_cache_path = refuse
 from wellmixed import main
-main({[*map(str, PREDICT), "--method", "partial"]})
-"""  # a method whose kernel has no twin in C
+main({ALONG} + ["--scans-folder", sys.argv[1]])
+"""
     environment = {key: value for key, value in os.environ.items() if key not in ("HOME", "NUMBA_CACHE_DIR")}
-    run = [sys.executable, "-c", code]
+    run = [sys.executable, "-c", code, "one"]
     brief = environment | {"NUMBA_OPT": "0"}  # what is compiled is kept nowhere
     done = subprocess.run(run, cwd=tmp_path, env=brief, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert "quadmer" in done.stdout
+    assert "dimer" in done.stdout
     (line,) = told(done.stderr).splitlines()
     assert line.startswith("Warning: there is no folder for compiled kernels")
-    run[-1] = code.replace("caching._CacheLocator", "ignored = type('Other', (), {}); ignored")  # the control
+    run[-2:] = code.replace("caching._CacheLocator", "ignored = type('Other', (), {}); ignored"), "other"  # the control
     done = subprocess.run(run, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert (done.returncode, told(done.stderr)) == (0, "")
 

@@ -6,6 +6,7 @@ commands really open.
 """
 
 import ast
+import functools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -39,12 +40,21 @@ OF_MODULES = {"rename", "renames", "replace", "link", "symlink", "copy", "mkfifo
 OPENS = {"open", "ZipFile", "TarFile", "GzipFile", "BZ2File", "LZMAFile", "open_code"}
 FILE_MODULES = {"io", "gzip", "bz2", "lzma", "zipfile", "tarfile", "codecs"}  # whose `open` takes the path first
 FLAGS = ("O_WRONLY", "O_RDWR", "O_CREAT", "O_TRUNC", "O_APPEND")
+MAY_WRITE = OPENS | OF_MODULES | WRITES_INTO_FIRST | WRITES_INTO_SECOND | WRITES
 
 
-def in_memory(tree: ast.AST) -> set[str]:
+@functools.cache
+def calls_of(source: str) -> tuple[set[str], list[tuple[str, ast.Call]]]:
+    """Names in a source that are bound to a buffer, and its calls by the last part of their names."""
+    nodes = list(ast.walk(ast.parse(source)))
+    calls = [node for node in nodes if isinstance(node, ast.Call)]
+    return in_memory(nodes), [(getattr(call.func, "attr", getattr(call.func, "id", "")), call) for call in calls]
+
+
+def in_memory(nodes: list[ast.AST]) -> set[str]:
     """Names that are bound to a buffer: `x = io.BytesIO()`."""
     found = set()
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Assign):
             for target in node.targets:
                 one = isinstance(target, ast.Name)
@@ -70,14 +80,12 @@ def mode_of(call: ast.Call, of_path: bool) -> str:
 
 def writing(source: str) -> Iterator[str]:
     """Calls of a source that open, make or replace files, as line and text."""
-    tree = ast.parse(source)
-    buffers = in_memory(tree)
-    for call in ast.walk(tree):
-        if not isinstance(call, ast.Call):
+    buffers, calls = calls_of(source)
+    for name, call in calls:
+        if name not in MAY_WRITE:
             continue
         text = ast.unparse(call)
         is_method = isinstance(call.func, ast.Attribute)
-        name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
         on = ast.unparse(call.func.value) if isinstance(call.func, ast.Attribute) else ""
         into = [ast.unparse(word.value) for word in call.keywords if word.arg in TARGETS]
         place = call.args[1:2] if name in WRITES_INTO_SECOND else call.args[:1]
@@ -207,12 +215,10 @@ READ_FROM = {"open", "fdopen", "FileIO", "load", "loadtxt", "fromregex", "mmread
 
 def reading(source):
     """Calls of a source that read files, as line and text."""
-    tree = ast.parse(source)
-    buffers = in_memory(tree)
-    for call in ast.walk(tree):
-        if not isinstance(call, ast.Call):
+    buffers, calls = calls_of(source)
+    for name, call in calls:
+        if name not in READ | READ_FROM:
             continue
-        name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
         on = ast.unparse(call.func.value) if isinstance(call.func, ast.Attribute) else ""
         is_numpys = on in ("np", "numpy", "tomllib", "json", "pickle") or name not in ("load", "loadtxt")
         is_executors = (

@@ -12,6 +12,7 @@ import numpy as np
 from calibration.estimating.class_calibration import BookRuns
 from calibration.estimating.study import CalibrationStudy, ClassStudy
 from calibration.pipeline.study_runs import StudyRuns, bonds_of, made
+from kinetics.assembly import RuleBook
 from kinetics.runs import JumpPath
 from mechsim.effects import EFFECTS
 from mechsim.runs.ensemble import Outcome
@@ -23,13 +24,13 @@ from mechsim.scene import Scene
 
 def check_measurable(scene: Scene, sizes: Sequence[int]) -> None:
     """ValueError if assembly from so many single cubes could not show every channel, however long it runs."""
-    book, derivation = book_of(scene.rules)
-    network = derivation.network
-    if book.seed() is not None:
+    if RuleBook.load(scene.rules).seed() is not None:  # before a network is derived that may be large
         raise ValueError(
-            f"book {scene.rules} grows from a seed: a tank holds one growing structure, so its {len(network.channels)} "
-            "channels are not measured one by one; take calibrate classes"
+            f"book {scene.rules} grows from a seed: a tank holds one growing structure, so its channels are not "
+            "measured one by one; take calibrate classes"
         )
+    _, derivation = book_of(scene.rules)
+    network = derivation.network
     for kind in dict.fromkeys(kinds(derivation)):
         if not scene.openers(kind):
             able = [effect.name() for effect in EFFECTS if kind in effect.opens]

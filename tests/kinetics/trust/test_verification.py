@@ -115,10 +115,10 @@ def reactions_of(net):
     return {name: (before, before + change) for name, (before, change) in zip(net.channels, rows, strict=True)}
 
 
-# The twelve networks with names and eight random ones; twelve more random ones are long runs.
+# The twelve networks with names; twenty random ones are long runs.
 each_network = pytest.mark.parametrize(
     ("net", "initial", "times"),
-    [pytest.param(*case, id=name, marks=[pytest.mark.validate] * (i >= 20)) for i, (name, *case) in enumerate(MANY)],
+    [pytest.param(*case, id=name, marks=[pytest.mark.validate] * (i >= 12)) for i, (name, *case) in enumerate(MANY)],
 )
 
 
@@ -139,7 +139,7 @@ def references():
 @pytest.mark.parametrize("method", SAMPLING_METHODS)
 def test_samplers_follow_the_exact_distribution(method, net, initial, times, references):
     """Each of the checks on 32 networks and seven methods gives a false alarm one time in a million, so all of
-    them together do less than once in 5000. By default 20 of the networks are asked.
+    them together do less than once in 5000. By default 12 of the networks are asked.
     """
     paths = 0.1 if any(net is one for _, one, _, _ in FEW) else 0.03  # waits are seen on the few; else, 30 paths each
     if not method().supports(net):
