@@ -1,39 +1,35 @@
 """Whether the words of a figure can be read: none covers another, none is cut off."""
 
+from collections.abc import Callable
 from itertools import combinations
 from unittest.mock import patch
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-LEAST = 1.5  # pixels by which boxes must overlap, at least, both ways: boxes have margins
+LEAST = 1.5  # hundredths of an inch by which boxes must overlap, at least, both ways: boxes have margins
 
 
-def words_of(figure):
-    """The texts that are really drawn, each with its box (left, bottom, right, top) in pixels."""
+def words_of(draw_figure: Callable[[], object]) -> dict[Text, tuple[float, ...]]:
+    """The texts that are really drawn, each with its box (left, bottom, right, top) in hundredths of an inch."""
     found = {}
     draw = Text.draw
 
     def noted(text, renderer, *rest, **more):
+        draw(text, renderer, *rest, **more)
         if text.get_visible() and text.get_text().strip():
-            found[text] = None
-        return draw(text, renderer, *rest, **more)
+            inches = Text.get_window_extent(text, renderer).extents / text.get_figure(root=True).dpi
+            found[text] = tuple(100 * inches)
 
-    canvas = FigureCanvasAgg(figure)
     with patch.object(Text, "draw", noted):
-        canvas.draw()
-    renderer = canvas.get_renderer()
-    return {text: Text.get_window_extent(text, renderer).extents for text in found}
+        draw_figure()
+    return found
 
 
-def illegible(figure):
-    """What is wrong, in words; empty where all can be read."""
-    canvas = figure.canvas
-    try:
-        boxes = words_of(figure)
-    finally:
-        figure.set_canvas(canvas)
-    width, height = figure.bbox.size
+def illegible(figure, draw_figure: Callable[[], object] | None = None):
+    """What is wrong, in words, as the figure is drawn by a call, such as that which saves it; empty if nothing is."""
+    boxes = words_of(draw_figure or FigureCanvasAgg(figure).draw)
+    width, height = 100 * figure.get_size_inches()
     wrong = [
         f"{text.get_text()!r} is cut off"
         for text, (left, bottom, right, top) in boxes.items()
@@ -42,5 +38,7 @@ def illegible(figure):
     for (one, a), (other, b) in combinations(boxes.items(), 2):
         across, up = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
         if across > LEAST and up > LEAST:
-            wrong.append(f"{one.get_text()!r} covers {other.get_text()!r} by {across:.0f} x {up:.0f} pixels")
+            wrong.append(
+                f"{one.get_text()!r} covers {other.get_text()!r} by {across:.0f} x {up:.0f} hundredths of an inch"
+            )
     return wrong

@@ -1,5 +1,8 @@
 """Words of figures do not cover each other; the check that all figures of the suite pass must see where they do."""
 
+from io import BytesIO
+
+import pytest
 from legible import illegible
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
@@ -25,6 +28,8 @@ def test_the_check_sees_words_that_cover_each_other_and_words_cut_off():
     outside.text(0.9, 0.5, "much too long to be seen as a whole")
     assert illegible(outside) == ["'much too long to be seen as a whole' is cut off"]
     assert illegible(Figure()) == []
+    with pytest.raises(AssertionError, match="'label 0' covers 'label 4'"):
+        crowded().savefig(BytesIO(), format="svg")  # which tests look at
 
 
 def test_labels_are_kept_apart():
