@@ -64,8 +64,8 @@ def pytest_collection_finish():
     gc.freeze()
 
 
-@pytest.fixture(autouse=True)
-def _figures_are_legible(monkeypatch):
+@pytest.fixture(scope="session", autouse=True)
+def _figures_are_legible():
     """Every figure that a test saves is looked at: its words may not cover each other, nor be cut off."""
     from legible import illegible
     from matplotlib.figure import Figure
@@ -76,7 +76,9 @@ def _figures_are_legible(monkeypatch):
         wrong = illegible(figure, lambda: save(figure, *arguments, **named))
         assert not wrong, "; ".join(wrong[:5])
 
-    monkeypatch.setattr(Figure, "savefig", looked_at)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", looked_at)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -18,11 +18,13 @@ import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Literal
 
 import numba
 from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.dispatcher import Dispatcher
 from numba.core.types import unliteral
 
 from kinetics.support.cli.progress import is_terminal
@@ -61,6 +63,15 @@ def compiled(
             say_that_nothing_is_kept()
     kernel: Callable[..., Any] = dispatcher
     return kernel
+
+
+def load_cached(*modules: ModuleType) -> None:
+    """Load what is cached of the kernels in some modules; compile nothing. Processes forked from this one have it."""
+    for module in modules:
+        kernels: list[Any] = [each for each in vars(module).values() if isinstance(each, Dispatcher)]
+        for kernel in kernels:
+            for types in kernel._cache.known(kernel.targetctx) if isinstance(kernel._cache, KernelCache) else ():
+                kernel.compile(types)
 
 
 def template_of_plain_types(template: Callable[..., Any], args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
@@ -128,6 +139,15 @@ class KernelCache(FunctionCache):
         if found is None:
             say_that_it_compiles()
         return found
+
+    def known(self, target_context: Any) -> list[Any]:
+        """The types of arguments for which there is compiled code for this machine."""
+        try:
+            index = {} if self._room.is_mixed else self._cache_file._load_index()
+        except Exception:  # noqa: BLE001 - as above
+            return []
+        codegen = target_context.codegen()
+        return [key[0] for key in index if key == self._index_key(key[0], codegen)]
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write compiled code; without it all runs as well, so a full disk or a folder just removed is no error."""

@@ -97,10 +97,9 @@ class ProcessSession(Session):
         self.looked = time.monotonic()  # s, when it last listened
         self.folder = Path.cwd() if settings.folder is None else settings.folder
         self.context = multiprocessing.get_context("forkserver")
-        # What a run needs is imported once, in the server that workers are forked from.
-        self.context.set_forkserver_preload(
-            [execute.__module__, "mechsim.runs.executors.worker", "mechsim.world.world"]
-        )
+        # What a run needs is loaded once, in the server that workers are forked from.
+        needed = [f"mechsim.runs.executors.{name}" for name in ("worker", "preload")]
+        self.context.set_forkserver_preload([execute.__module__, "mechsim.world.world", *needed])
 
     def has_room(self) -> bool:
         """Are fewer processes at work than there may be?"""

@@ -93,6 +93,17 @@ def test_an_edit_of_a_callee_in_another_file_is_seen(room):
     assert output(begun(room)) == ["2", "1"]
 
 
+def test_what_is_cached_is_loaded_for_forks_and_nothing_is_compiled(room):
+    load = "from kinetics.kernels import caller, compiled; compiled.load_cached(caller); "
+    load += "print(len(caller.twice.signatures), sum(caller.twice.stats.cache_hits.values()))"
+    assert output(begun(room, load)) == ["0", "0"]
+    assert output(begun(room)) == ["2", "0"]
+    assert output(begun(room, load)) == ["1", "1"]
+    for index in room.glob("__pycache__/*/caller.*.nbi"):
+        index.write_bytes(b"damaged")
+    assert output(begun(room, load)) == ["0", "0"]
+
+
 def test_with_plain_numba_the_stale_code_runs(room):
     """A control that must fail: what the cache is for."""
     (room / "compiled.py").write_text(PLAIN, encoding="utf-8")
