@@ -15,7 +15,7 @@ SMALLER = {
         "sizes = (60, 80, 120)": "sizes = (20, 30, 40)",
         "duration=30.0": "duration=3.0",
         "runs=1000": "runs=200",
-        "groups=299, most_groups=299": "groups=39, most_groups=39",
+        "groups=299, most_groups=299, exact_states=20_000": "groups=39, most_groups=39, exact_states=1",
         'sorted(folder.glob("*.run"))': 'sorted(folder.glob("*.run"))[::3]',
     },
     "02_rules": {"horizon=2000, runs=200": "horizon=2000, runs=20", "200, 1200.0, runs=20": "100, 1200.0, runs=4"},
