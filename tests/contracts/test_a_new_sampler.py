@@ -3,11 +3,10 @@
 import shutil
 from pathlib import Path
 
-from known_systems import decay
 from scratch import add_line, run_contract, scratch_copy
 
-from kinetics import Transient
-from kinetics.kernels import markov
+from kinetics.kernels import streams
+from kinetics.sampling.base import stream_key
 
 FIRST_REACTION = '''
 """Gillespie's first-reaction method, in plain Python."""
@@ -82,8 +81,8 @@ class FirstReactionSampler:
 def contract_with(folder, rates, cases):
     copy = scratch_copy(folder)
     # The kernels are the same, and so what they compile to.
-    Transient().solve(decay(), [1], [1.0])
-    compiled = Path(markov.advance._cache.cache_path)
+    streams.start_stream(stream_key(0), 0, stream_key(0))  # there is one in the cache at least
+    compiled = Path(streams.start_stream._cache.cache_path)
     shutil.copytree(compiled, copy / "kinetics" / "kernels" / "__pycache__" / compiled.name)
     room = copy / "kinetics" / "sampling"
     (room / "first_reaction.py").write_text(FIRST_REACTION.replace("RATES", rates).lstrip(), encoding="utf-8")

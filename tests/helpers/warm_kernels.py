@@ -1,19 +1,24 @@
 """The kernels compiled once, before several workers of the test runner would each compile them."""
 
 from concurrent.futures import ProcessPoolExecutor
+from importlib.util import find_spec
 from multiprocessing import get_context
 
 SIDE_BY_SIDE = 2  # processes; the methods share few kernels, and more would wait for the slowest
 
 
 def compile_kernels() -> None:
-    """Ask every method for a small network; what is compiled is cached on disk, where the workers find it."""
+    """Ask every method for a small network, and step every engine; the workers find what is compiled on disk."""
     from kinetics.markov.transient import SOLVING_METHODS
     from kinetics.sampling import SAMPLING_METHODS
+    from mechsim.world.engines import ENGINES
 
-    slowest_first = sorted(SAMPLING_METHODS, key=lambda method: method.name != "leaping")
+    slowest_first = sorted(SAMPLING_METHODS, key=lambda method: method.name not in ("leaping", "general"))
     with ProcessPoolExecutor(SIDE_BY_SIDE, get_context("spawn")) as pool:
-        list(pool.map(_ask, [*slowest_first, *SOLVING_METHODS]))
+        asked = [pool.submit(_ask, method) for method in [*slowest_first, *SOLVING_METHODS]]
+        asked += [pool.submit(_step, engine.name) for engine in ENGINES if all(map(find_spec, engine.packages))]
+        for each in asked:
+            each.result()
 
 
 def _ask(method: type) -> None:
@@ -27,3 +32,12 @@ def _ask(method: type) -> None:
         method().sample_path(network, {"A": 3}, 1.0)
     else:
         solve(network, method(), {"A": 3}, [0.0, 1.0])
+
+
+def _step(engine: str) -> None:
+    from mechsim.runs.record import RunSpec, execute
+    from mechsim.scene import Scene
+
+    scene = Scene.load("line4")
+    scene = scene.replace(numerics=scene.numerics.replace(engine=engine))
+    execute(RunSpec(scene, {"monomer": 10, "dimer": 5, "trimer": 4, "quadmer": 4}, 0.5, seed=0, run=0))
