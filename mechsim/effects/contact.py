@@ -14,14 +14,13 @@ from mechsim.effects.view import ViewOfWorld
 class Contact(Effect, tag="contact"):
     """Collisions of cubes with each other; without this effect they pass through one another, but not through walls.
 
-    restitution : ratio of speeds after and before a collision, 0 to 0.9. Collisions are found once bodies overlap, by
-        up to speed * step, and the engine adds 8 % of the overlap over the step to the speed after: 0.08 more in the
-        ratio at most, so a gas gains no energy up to 0.9. Approaches below 0.2 length / tu do not bounce
+    restitution : ratio of speeds after and before a collision, 0 to 1. Approaches below 0.2 length / tu do not bounce.
+        Collisions are found once bodies overlap, by up to speed * step, and overlaps are recovered by position
     friction : Coulomb's coefficient, a number
     Both hold between any two surfaces, the walls' included.
     """
 
-    restitution: Annotated[float, Meta(ge=0, le=0.9)] = 0.3
+    restitution: Annotated[float, Meta(ge=0, le=1)] = 0.3
     friction: NotNegative = 0.3
 
     def attach(self, world: ViewOfWorld) -> Action:

@@ -14,6 +14,7 @@ from mechsim.kernels.motion import rotation_of, spin_before
 # A row is what an impulse of 1 along d does at a contact: d, its levers about both bodies, the changes of their spins
 # (3 numbers each), the impulse that changes the speed along d by 1, and the speed wanted.
 LEVER_A, LEVER_B, TURN_A, TURN_B, EASE, WANTED = 3, 6, 9, 12, 15, 16
+NEAR_ENOUGH = 1e-8  # length: less may be left of an overlap that is recovered
 SETTLED = 1e-7  # length / tu: a contact whose speeds change by less is left until a body of it is pushed elsewhere
 
 
@@ -25,10 +26,9 @@ def solve_contacts(
     """Solve the first n contacts: updates `velocity` and `spin` of the bodies, writes the impulse on the first body of
     each contact to `impulse` (M, 3).
 
-    who (M, 4), contact (M, 7) : as `contact_manifolds.update_manifolds` writes them; a depth below 0 is a gap
+    who (M, 4), contact (M, 7) : as `narrow_phase.find_contacts` writes them
     restitution, friction : of any two surfaces; least_bounce : speed below which approaches do not bounce
-    recovery : share of an overlap beyond `slop` that a step takes back, by a speed that adds to the bounce. What gap is
-        left, to a depth of `slop`, may be closed in the step, by a speed that takes from the bounce
+    recovery : share of an overlap beyond `slop` that a step takes back, by a speed, where there is no bounce
     iterations : rounds at most
     pushed (B,) : -1; ready (B, 5, 3), rows (M, 3, 17) : room to work
     Bodies of unequal moments take up Euler's gyroscopic term before they touch, and again in the free flight that
@@ -41,16 +41,15 @@ def solve_contacts(
             if body >= 0 and pushed[body] < 0:
                 pushed[body] = 0  # the last round that pushed it
                 _prepare(body, orientation, spin, inertia, step, ready)
-    # Normal rows. Speed wanted: -restitution * approach (Newton), plus recovery * overlap / step (Baumgarte), less the
-    # gap / step that may still be closed.
+    # Normal rows. Speed wanted: -restitution * approach (Newton); of surfaces that do not bounce, recovery * overlap /
+    # step (Baumgarte), which keeps bodies apart that are pressed together.
     for c in range(n):
         a, b = who[c, 0], who[c, 1]
         _row(rows[c, 0], contact[c], a, b, contact[c, 3], contact[c, 4], contact[c, 5], position, mass, ready)
         rows[c, 1, EASE] = 0.0  # the rows across it are filled once something pushes
         speed = _speed(rows[c, 0], a, b, velocity, spin)
-        wanted = -restitution * speed if -speed >= least_bounce else 0.0
-        beyond = contact[c, 6] - slop
-        rows[c, 0, WANTED] = wanted + (recovery * beyond if beyond > 0.0 else beyond) / step
+        overlap = max(contact[c, 6] - slop, 0.0)
+        rows[c, 0, WANTED] = -restitution * speed if -speed >= least_bounce else recovery * overlap / step
         impulse[c, 0] = impulse[c, 1] = impulse[c, 2] = 0.0
     # Projected Gauss-Seidel: first all normals, then all frictions of a round. A contact is skipped if neither of its
     # bodies was pushed in this round or the one before.
@@ -107,6 +106,78 @@ def solve_contacts(
             if body >= 0 and pushed[body] >= 0:
                 pushed[body] = -1
                 _leave(body, orientation, spin, inertia, step, ready)
+
+
+@compiled(nogil=False, error_model="python")
+def recover_overlaps(n, who, contact, position, velocity, spin, mass, least_bounce, slop, iterations, moved):
+    """Let the bodies of contacts that will bounce part by position: their overlaps then add nothing to the bounce.
+
+    Writes how far each body is to be moved to `moved` (B, 3), which `move_bodies` does, and to the first n rows of
+    `contact` the depths that are left: `slop`, at most, of those that approach at `least_bounce` or faster. Two bodies
+    move about their centre of mass, and do not turn. Contact after contact adds what the others have not yet done.
+
+    who (M, 2 or 4), contact (M, 7) : as `narrow_phase.find_contacts` writes them
+    iterations : rounds at most; moved : 0 before
+    """
+    is_deep = False
+    for c in range(n):
+        if (
+            contact[c, 6] > slop
+            and _approach(contact[c], who[c, 0], who[c, 1], position, velocity, spin) >= least_bounce
+        ):
+            contact[c, 6] = slop - contact[c, 6]  # below 0: to be recovered
+            is_deep = True
+    for _ in range(iterations):
+        if not is_deep:
+            break
+        is_deep = False
+        for c in range(n):
+            a, b = who[c, 0], who[c, 1]
+            need = -contact[c, 6]
+            if need <= 0.0:
+                continue
+            for k in range(3):
+                need -= (moved[a, k] - (moved[b, k] if b >= 0 else 0.0)) * contact[c, 3 + k]
+            if need <= NEAR_ENOUGH:
+                continue
+            is_deep = True
+            share = mass[b] / (mass[a] + mass[b]) if b >= 0 else 1.0
+            for k in range(3):
+                moved[a, k] += need * share * contact[c, 3 + k]
+                if b >= 0:
+                    moved[b, k] -= need * (1.0 - share) * contact[c, 3 + k]
+    for c in range(n):
+        if contact[c, 6] < 0.0:
+            contact[c, 6] = slop
+
+
+@compiled(nogil=False, error_model="python")
+def move_bodies(n, who, position, moved):
+    """Move the bodies of the first n contacts by `moved` (B, 3), which is 0 afterwards."""
+    for c in range(n):
+        for side in range(2):
+            body = who[c, side]
+            if body >= 0:
+                for k in range(3):
+                    position[body, k] += moved[body, k]
+                    moved[body, k] = 0.0
+
+
+@compiled(nogil=False, error_model="python")
+def _approach(contact, a, b, position, velocity, spin):
+    """Speed at which the surfaces of a and b approach each other at a contact, along its normal."""
+    speed = 0.0
+    for side in range(2):
+        body, sign = (b, 1.0) if side else (a, -1.0)
+        if body < 0:
+            continue
+        x, y, z = contact[0] - position[body, 0], contact[1] - position[body, 1], contact[2] - position[body, 2]
+        speed += sign * (
+            (velocity[body, 0] + spin[body, 1] * z - spin[body, 2] * y) * contact[3]
+            + (velocity[body, 1] + spin[body, 2] * x - spin[body, 0] * z) * contact[4]
+            + (velocity[body, 2] + spin[body, 0] * y - spin[body, 1] * x) * contact[5]
+        )
+    return speed
 
 
 @compiled(nogil=False, error_model="python")

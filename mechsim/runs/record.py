@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from mechsim.world.world import World
 
 # Raised by hand whenever the same inputs would give another record: it is part of a run's name.
-PHYSICS = 3
+PHYSICS = 4
 FREE_SPIN = 1  # the same for scenes without drag, whose bodies we turn ourselves
 COMPLETED = "completed"
 PROGRESS_STEPS = 500

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from handling import collide, put
 
 from kinetics.assembly import RuleBook, derive
 from kinetics.support.packages import EXTRAS
@@ -40,13 +41,13 @@ def installed(entry):
 
 @pytest.fixture
 def world_of():
-    """world_of(scene): a populated world of 24 cubes in a small tank, freed after the test."""
+    """world_of(scene, start): a populated world, by default of 24 cubes in a small tank, freed after the test."""
     made = []
 
-    def make(scene):
+    def make(scene, start=START):
         tight = scene.replace(tank=scene.tank.replace(size=(0.9, 0.9, 0.9)))
         structures = derive(BOOK).structures
-        start = [structures[name] for name, n in START.items() for _ in range(n)]
+        start = [structures[name] for name, n in start.items() for _ in range(n)]
         made.append(World(tight, BOOK, sum(map(len, start)), np.random.SeedSequence(1)))
         made[-1].populate(start)
         return made[-1]
@@ -182,6 +183,50 @@ def test_its_touches_account_for_what_bodies_received(entry, world_of):
         several = [touch for touch in world.engine.touches() if is_several[touch.a] or is_several[touch.b]]
         assert world.engine.touches(of_structures=True) == several
     assert min(of_walls, of_bodies) > 50
+
+
+def thrown(world, axes, speed):
+    """Throw body 0 along z at a cube, if there is one, or at the wall, so that they meet at each of 24 moments of a
+    step; the speeds along z (24, 2) of its contact point before and after, relative to what it meets."""
+    b, found = world.bodies, []
+    other = 1 if len(b.live) > 1 else None
+    put(world, 0, [0, 0, 0], axes)
+    top = (b.centre[:, 2] + b.edge / 2 * np.abs(b.axes[:, 2]).sum(axis=1))[list(b.members[0])].max()
+    wall = world.half[2] if other is None else -b.edge / 2
+    for phase in range(24):
+        if other is not None:
+            put(world, other, [0, 0, 0])
+        put(world, 0, [0, 0, wall - top - speed * world.step_size * phase / 24], axes, velocity=[0, 0, speed])
+        while True:
+            before = b.velocity.copy(), b.spin.copy()
+            collide(world)
+            touches = world.engine.touches()
+            if touches:
+                break
+        place = np.mean([touch.place for touch in touches], axis=0)
+        at = b.position - world.step_size * b.velocity  # where they touched
+        slots = [0] if other is None else [0, other]
+        speeds = [
+            sum(sign * (v[s] + np.cross(w[s], place - at[s]))[2] for s, sign in zip(slots, (1, -1), strict=False))
+            for v, w in (before, (b.velocity, b.spin))
+        ]
+        found.append(speeds)
+    return np.array(found)
+
+
+@every_engine
+@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.7, 1.0])
+@pytest.mark.parametrize("speed", [0.3, 1.0, 3.0])
+def test_restitution_comes_out_as_declared_wherever_in_a_step_bodies_meet(entry, restitution, speed, world_of):
+    """Within 2 % of the speed of approach: a cube flat at a wall, one flat at a cube, a line of four by a corner."""
+    installed(entry)
+    scene = scene_with(entry.name).without("agitation", "drag", "bonding", "breaking")
+    scene = scene.changed("contact", restitution=restitution, friction=0.0)
+    tilted = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))[0]
+    for start, axes in (({"monomer": 1}, np.eye(3)), ({"monomer": 2}, np.eye(3)), ({"quadmer": 1}, tilted)):
+        seen = thrown(world_of(scene, start), axes, speed)
+        np.testing.assert_allclose(seen[:, 0], speed, rtol=1e-6)
+        np.testing.assert_allclose(-seen[:, 1], restitution * speed, atol=0.02 * speed)
 
 
 @every_engine

@@ -21,7 +21,7 @@ import pandas as pd
 from calibration import estimate
 from calibration.pipeline.plan import StudyPlan
 from mechsim.runs.record import RunSpec, execute
-from tests.results.engine_trials import FORGETFUL, TANKS, by_engine, measure, names
+from tests.results.engine_trials import TANKS, by_engine, measure, names
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "results" / "engines"
@@ -55,8 +55,7 @@ def specs() -> list[RunSpec]:
 def planned(tank: str) -> list[tuple[int, str]]:
     """Seeds and engines of the plan, in order."""
     seeds = range(FIRST_SEED, FIRST_SEED + TANKS[tank].runs)
-    controls = [(seed, FORGETFUL) for seed in seeds[: TANKS[tank].controls]]
-    return sorted([*product(seeds, COMPARED), *controls])
+    return sorted(product(seeds, COMPARED))
 
 
 def missing(tank: str) -> list[tuple[int, str]]:

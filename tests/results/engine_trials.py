@@ -11,9 +11,8 @@ the rate of hits that break, which the study's own shaking gives a structure onc
 agitation, steps a third as long, the same threshold; `single` what slow drifts apart would show, in longer runs.
 
 The first plan had 500, 50 and 50 runs. With our own engine's second version its rows were made anew, and the plan grew
-before any further run: `crowded` to 1,500, which should give hits above half of the threshold to 1 % of each size;
-`unlimited`, which is `shaken` by PyBullet without its limit on spins, 100 runs; and as a control, 200 runs of `crowded`
-by our own engine without its memory of contact points (FORGETFUL).
+before any further run: `crowded` to 1,500, which should give hits above half of the threshold to 1 % of each size; and
+`unlimited`, which is `shaken` by PyBullet without its limit on spins, 100 runs.
 """
 
 from __future__ import annotations
@@ -38,7 +37,6 @@ WARM_UP = 1.0  # tu, many times the relaxation of a speed
 LOOK_EVERY = 20  # steps between two looks at where all cubes are
 WALL_BINS = (0.5, 0.75, 1.0, 1.5)  # distances of centres from the nearest wall, edges
 PAIR_BINS = (0.9, 1.25, 1.5, 2.0)  # distances of two cubes' centres, edges
-FORGETFUL = "forgetful"  # our own engine, whose bodies forget their contact points before each step
 LINES = ("monomer", "dimer", "trimer", "quadmer")
 
 
@@ -50,7 +48,6 @@ class Tank(NamedTuple):
     shares : of the threshold at which a bond breaks, above which hits are counted
     is_limited : PyBullet cuts each component of a spin at 100 / tu once its body has touched something, as it does
         unless told otherwise
-    controls : as many of the runs are made by our own engine without its memory, too
     """
 
     title: str
@@ -60,7 +57,6 @@ class Tank(NamedTuple):
     shaking: int = 1
     shares: tuple[float, ...] = (0.25, 0.5, 1.0)
     is_limited: bool = True
-    controls: int = 0
 
     @property
     def sizes(self) -> list[int]:
@@ -77,7 +73,7 @@ class Tank(NamedTuple):
 
 
 TANKS = {
-    "crowded": Tank("36 bodies of each size", dict.fromkeys(LINES, 36), runs=1500, length=5.0, controls=200),
+    "crowded": Tank("36 bodies of each size", dict.fromkeys(LINES, 36), runs=1500, length=5.0),
     "shaken": Tank("the same, shaken", dict.fromkeys(LINES, 36), runs=50, length=3.0, shaking=3, shares=(1.0, 1.5)),
     "single": Tank("120 single cubes", {"monomer": 120}, runs=50, length=20.0),
 }
@@ -89,12 +85,6 @@ def by_engine(scene: Scene, engine: str) -> Scene:
     data = scene.as_dict()
     data["numerics"]["engine"] = engine
     return validated(Scene, data, f"scene {scene.name}")
-
-
-def forget(world: World) -> None:
-    """Let all bodies forget their contact points: what is put somewhere has none."""
-    for slot in world.bodies.live:
-        world.engine.put(slot)
 
 
 def lift_limit(world: World) -> None:
@@ -186,7 +176,7 @@ def names(tank: Tank) -> list[str]:
 
 def measure(tank: Tank, engine: str, seed: int) -> dict[str, float]:
     """One run of a tank by an engine: each quantity of `names`."""
-    scene = tank.scene("own" if engine == FORGETFUL else engine)
+    scene = tank.scene(engine)
     book, derivation = book_of(scene.rules)
     start = [derivation.structures[name] for name, n in tank.composition.items() for _ in range(n)]
     if len(tank.sizes) == 1:
@@ -201,8 +191,6 @@ def measure(tank: Tank, engine: str, seed: int) -> dict[str, float]:
         for length in (WARM_UP, tank.length):
             watch.begin()
             for _ in range(whole_holds(scene, length)):
-                if engine == FORGETFUL:
-                    forget(world)
                 world.step()
                 watch.after_step()
         seen = watch.found()

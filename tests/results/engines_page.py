@@ -1,7 +1,6 @@
 """The figure and the tables of docs/engines.md: what depends on the engine of contacts.
 
     python -m tests.results.engine_runs     # the runs, or what is missing of them
-    python -m tests.results.engine_shadow   # engines from the same states
     python -m tests.results.engines_page    # figure and tables anew, from results/engines
 
 The errors of the trials are those of the difference, from the scatter of pairs of runs by the two engines. Rates are
@@ -20,7 +19,7 @@ from scipy.stats import beta, chi2
 
 from kinetics.support.plots import colour, save_figure
 from tests.results.engine_runs import COMPARED, FOLDER, ROOT, STUDY, file_of, runs_of, specs
-from tests.results.engine_trials import FORGETFUL, TANKS
+from tests.results.engine_trials import TANKS
 
 PAGE = ROOT / "docs" / "engines.md"
 BLOCKS = re.compile(r"(<!-- engines: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -110,35 +109,6 @@ def progress() -> str:
     return "\n".join(rows) + "\n"
 
 
-def control() -> pd.DataFrame:
-    """Loads in the crowded tank by our own engine, as it is and without its memory, relative to PyBullet: in the runs
-    that all three made."""
-    seen = runs_of("crowded", (*COMPARED, FORGETFUL))
-    rows = []
-    for share in ("0.25", "0.5"):
-        names = [name for name in seen if name.startswith(f"hits above {share} ")]
-        for name, columns in [*((name, [name]) for name in names), (f"hits above {share} on all", names)]:
-            first = seen.loc["pybullet", columns].sum(axis=1)
-            row = {"quantity": name, "runs": len(first)}
-            for engine in ("own", FORGETFUL):
-                change = (seen.loc[engine, columns].sum(axis=1) - first) / first.mean()
-                row |= {engine: change.mean(), f"{engine} error": change.std(ddof=1) / len(first) ** 0.5}
-            rows.append(row)
-    return pd.DataFrame(rows)
-
-
-def control_table(found: pd.DataFrame) -> str:
-    """A line a load and size."""
-    runs = found["runs"].iloc[0]
-    rows = [f"| in {runs} runs of the crowded tank | own engine (%) | without its memory (%) |", "|---|---|---|"]
-    rows += [
-        f"| {row['quantity']} | {signed(row['own'])} ± {100 * row['own error']:.2f} "
-        f"| {signed(row[FORGETFUL])} ± {100 * row[f'{FORGETFUL} error']:.2f} |"
-        for row in found.to_dict("records")
-    ]
-    return "\n".join(rows) + "\n"
-
-
 def rates() -> pd.DataFrame:
     """By channel: events and rates by both engines, and the exact 95 % interval of their ratio.
 
@@ -167,31 +137,6 @@ def rates_table(found: pd.DataFrame) -> str:
         f"| {row['ratio']:.2f} | {row['low']:.2f} to {row['high']:.2f} |"
         for row in found.to_dict("records")
     ]
-    return "\n".join(rows) + "\n"
-
-
-def shadow_table(stored: pd.DataFrame) -> str:
-    """A line a kind of contact, a tu: pairs of bodies, impulses by each engine, and what parts the first two."""
-    titles = "| pairs of bodies | number | impulse by PyBullet | by our own engine | without its memory | apart (%) |"
-    rows = [titles, "|---|---|---|---|---|---|"]
-    rows += [
-        f"| {row['contact']} | {row['pairs']:.0f} | {row['pybullet']:.3f} | {row['own']:.3f} | {row[FORGETFUL]:.3f} "
-        f"| {100 * row['difference'] / row['pybullet']:.1f} |"
-        for row in stored.to_dict("records")
-    ]
-    return "\n".join(rows) + "\n"
-
-
-def hits_table(stored: pd.DataFrame) -> str:
-    """A line a size and share of the load that breaks: hits by each engine in the same steps."""
-    rows = ["| hits above | on | by PyBullet | by our own engine | by one of the two alone | change (%) |"]
-    rows.append("|---|---|---|---|---|---|")
-    for row in stored.to_dict("records"):
-        change, error = row["own"] / row["pybullet"] - 1, row["one alone"] ** 0.5 / row["pybullet"]
-        rows.append(
-            f"| {row['share']:g} of the threshold | {row['size']:.0f} | {row['pybullet']:.0f} | {row['own']:.0f} "
-            f"| {row['one alone']:.0f} | {signed(change)} ± {100 * error:.2f} |"
-        )
     return "\n".join(rows) + "\n"
 
 
@@ -224,9 +169,6 @@ def written(text: str) -> str:
         "plan": progress(),
         "trials": table(found),
         "single": single_lines(found),
-        "shadow": shadow_table(pd.read_csv(file_of("shadow"))),
-        "hits": hits_table(pd.read_csv(file_of("shadow_loads"))),
-        "control": control_table(control()),
         "rates": rates_table(rates()),
     }
     if sorted(block[2] for block in BLOCKS.finditer(text)) != sorted(tables):

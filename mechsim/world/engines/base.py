@@ -18,10 +18,9 @@ from mechsim.world.bodies import Bodies
 
 # What every engine has in force, though no scene sets it; tests measure it.
 LEAST_BOUNCE = 0.2  # length / tu: slower approaches do not bounce
-RECOVERY = 0.08  # share of an overlap that a step pushes apart; it adds to the speed after the bounce
-SLOP = 1e-5  # length: overlap that is left as it is
+RECOVERY = 0.08  # share of an overlap that a step takes back by a speed, where surfaces do not bounce
+SLOP = 1e-5  # length: overlap that is left as it is; deeper ones that bounce are put back to it
 SLEEPING = 0.0  # speed below which a body is put to rest: switched off
-BREAKING = 0.02  # of the smaller radius of two bodies: contact points are remembered until they are so far apart
 CONTINUOUS = 0.0  # collisions are looked for at the end of a step alone, not along the way: the guard limits that way
 OF_ALL_ENGINES = {  # the constants above, as `Engine.in_force` reports them
     "least_bounce": LEAST_BOUNCE,

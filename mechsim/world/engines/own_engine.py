@@ -1,10 +1,9 @@
 """An engine of our own: boxes and walls, compiled, in the table of bodies itself.
 
 It keeps the conventions of `base`, and PyBullet's on what these leave open: contacts are looked for where bodies lie
-before the step; restitution is taken of the speeds before any impulse; friction keeps within a cone; two boxes keep
-their contact points, four at most, until these have come apart. Other than there, an impulse acts at one point on both
-bodies, so that angular momentum is kept, too; a body that something other than a step has moved forgets its contact
-points; and a wall has no back through which a fast body could leave.
+before the step; restitution is taken of the speeds before any impulse; friction keeps within a cone. Other than there,
+an impulse acts at one point on both bodies, so that angular momentum is kept, too; and a wall has no back through which
+a fast body could leave.
 
 Nothing is called for each body: a step is one call of a kernel, whatever the tank holds, and a body that touches
 nothing is left to the world's free flight bit for bit.
@@ -16,11 +15,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from mechsim.kernels.contact_manifolds import MAX_POINTS
 from mechsim.kernels.contact_step import contact_step
 from mechsim.world.bodies import Bodies, BodyShape
 from mechsim.world.boxes import boxes_of
-from mechsim.world.engines.base import BREAKING, LEAST_BOUNCE, OF_ALL_ENGINES, RECOVERY, SLOP, Engine, Touch
+from mechsim.world.engines.base import LEAST_BOUNCE, OF_ALL_ENGINES, RECOVERY, SLOP, Engine, Touch
 
 FIRST_ROOM = 1024  # contacts; doubled where a step finds more
 
@@ -42,10 +40,7 @@ class OwnEngine(Engine):
         self._half, self._offset, self._turn = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3))
         self._centre, self._axes = np.zeros((n, 3)), np.zeros((n, 3, 3))
         self._pushed, self._ready = np.full(n, -1), np.zeros((n, 5, 3))
-        self._breaking, self._first = np.zeros(n), np.full(n, -1)
-        self._found = self._manifolds = 0
-        self._pair, self._count = np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
-        self._point = np.zeros((0, MAX_POINTS, 10))
+        self._moved, self._found = np.zeros((n, 3)), 0
         self._make_room(FIRST_ROOM)
 
     def close(self) -> None:
@@ -71,40 +66,33 @@ class OwnEngine(Engine):
         self._radius[rows] = np.linalg.norm(self._half[rows], axis=1)
         self._offset[rows] = (middles - shape.centre) @ shape.frame * edge
         self._turn[rows] = shape.frame.T
-        reach = self._half[rows] @ np.abs(shape.frame)  # of each box, along the body's axes
-        low, high = (self._offset[rows] - reach).min(axis=0), (self._offset[rows] + reach).max(axis=0)
-        # A body's radius: half of its bounds' diagonal, and how far their middle is from its centre.
-        self._breaking[slot] = BREAKING * (np.linalg.norm(high - low) + np.linalg.norm(high + low)) / 2
         self._order = np.concatenate([self._order, np.array(rows, np.int64)])
 
     def remove(self, slot: int) -> None:
-        """Take a slot's boxes out, and its contacts: their impulses and manifolds."""
+        """Take a slot's boxes out, and the impulses of its contacts."""
         self._order = self._order[self._slot[self._order] != slot]
         self._impulse[: self._found][(self._who[: self._found, :2] == slot).any(axis=1)] = 0.0
-        self._forget(slot)
 
     def put(self, slot: int) -> None:
-        """Forget the contact points of a slot's body, which is elsewhere now."""
-        self._forget(slot)
+        """The table is what the engine works in."""
 
     def set_motions(self) -> None:
         """The table is what the engine works in."""
 
     def step(self) -> None:
-        """Find the contacts as the bodies lie, and exchange impulses in the table; the world moves the bodies."""
+        """Find the contacts as the bodies lie, exchange impulses in the table, recover overlaps; the world moves on."""
         b = self.bodies
         while True:
-            pairs, found = contact_step(
+            found = contact_step(
                 self._order, self._slot, self._offset, self._turn, self._half, self._radius, self._centre, self._axes,
-                self._do_collide, self._wall, self._breaking, self._manifolds, self._pair, self._count, self._point,
-                self._first, self._after, b.position, b.orientation, b.velocity, b.spin, b.mass, b.inertia,
+                self._do_collide, self._wall, b.position, b.orientation, b.velocity, b.spin, b.mass, b.inertia,
                 self.restitution, self.friction, LEAST_BOUNCE, RECOVERY, SLOP, self.step_size, self.iterations,
-                self._who, self._contact, self._pushed, self._ready, self._rows, self._impulse,
+                self._who, self._contact, self._pushed, self._ready, self._rows, self._impulse, self._moved,
             )  # fmt: skip
-            if pairs >= 0:
+            if found <= len(self._who):
                 break
             self._make_room(2 * found)
-        self._manifolds, self._found = pairs, found
+        self._found = found
 
     def near_contacts(self) -> Iterable[int]:
         """None: free flight takes every body on from the motions that the contacts gave it."""
@@ -153,19 +141,6 @@ class OwnEngine(Engine):
         }
 
     def _make_room(self, most: int) -> None:
-        """Make room for so many contacts in a step, of a quarter as many pairs of boxes."""
+        """Make room for so many contacts in a step."""
         self._who, self._contact = np.zeros((most, 4), np.int64), np.zeros((most, 7))
         self._rows, self._impulse = np.zeros((most, 3, 17)), np.zeros((most, 3))
-        self._after = np.zeros(most // MAX_POINTS, np.int64)
-        kept = self._pair, self._count, self._point
-        self._pair, self._count, self._point = (np.zeros((most // MAX_POINTS, *a.shape[1:]), a.dtype) for a in kept)
-        for new, old in zip((self._pair, self._count, self._point), kept, strict=True):
-            new[: len(old)] = old
-
-    def _forget(self, slot: int) -> None:
-        """Forget the contact points of a slot's body."""
-        n, pair = self._manifolds, self._pair[: self._manifolds]
-        stays = ((pair < 0) | (self._slot[np.maximum(pair, 0)] != slot)).all(axis=1)  # below 0: a wall
-        self._manifolds = int(stays.sum())
-        for kept in (self._pair, self._count, self._point):
-            kept[: self._manifolds] = kept[:n][stays]

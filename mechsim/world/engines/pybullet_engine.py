@@ -21,9 +21,10 @@ from typing import Any
 
 import numpy as np
 
+from mechsim.kernels.contact_solver import move_bodies, recover_overlaps
 from mechsim.world.bodies import Bodies, BodyShape, quaternion_of
 from mechsim.world.boxes import boxes_of
-from mechsim.world.engines.base import OF_ALL_ENGINES, Engine, Touch
+from mechsim.world.engines.base import LEAST_BOUNCE, OF_ALL_ENGINES, SLOP, Engine, Touch
 
 
 @contextmanager
@@ -43,6 +44,9 @@ with _quiet():
     import pybullet
 
 CUBES, WALLS = 1, 2  # collision groups
+# Length: contact points are forgotten once they are so far apart. Remembered ones stop surfaces that come back at the
+# gap, whatever the restitution; at 0 the engine finds no contacts.
+FORGETTING = 1e-6
 
 
 class PyBulletEngine(Engine):
@@ -52,12 +56,13 @@ class PyBulletEngine(Engine):
     """
 
     def __init__(self, bodies: Bodies, step: float, iterations: int):
-        self.bodies, self.step_size = bodies, step
+        self.bodies, self.step_size, self.iterations = bodies, step, iterations
         self._body: dict[int, int] = {}  # slot -> engine id
         self._slot: dict[int, int] = {}  # engine id -> slot
         self._shapes: dict[tuple[tuple[int, int, int], ...], int] = {}
         self._walls: list[int] = []
         self._contacts: Sequence[tuple[Any, ...]] = ()
+        self._moved = np.zeros((bodies.n_cubes, 3))
         self._surface = {"restitution": 0.0, "lateralFriction": 0.0}
         self._collides_with = WALLS
         self.client = pybullet.connect(pybullet.DIRECT)
@@ -66,6 +71,7 @@ class PyBulletEngine(Engine):
             numSubSteps=0,  # with sub-steps the contact forces would be those of the last one only
             numSolverIterations=iterations,
             deterministicOverlappingPairs=1,
+            contactBreakingThreshold=FORGETTING,
             physicsClientId=self.client,
         )
 
@@ -137,8 +143,34 @@ class PyBulletEngine(Engine):
 
     def step(self) -> None:
         """Let the engine find contacts, exchange impulses and move the bodies, from the motions last set."""
+        self._part()
         pybullet.stepSimulation(self.client)
         self._contacts = pybullet.getContactPoints(physicsClientId=self.client)
+
+    def _part(self) -> None:
+        """Move bodies apart that will bounce: the engine would add the recovery of their overlap to the bounce."""
+        b, slot = self.bodies, self._slot
+        pybullet.performCollisionDetection(self.client)
+        found = [
+            (slot.get(one, -1), slot.get(other, -1), *place, *normal, -gap)
+            for _, one, other, _, _, _, place, normal, gap, *_ in pybullet.getContactPoints(physicsClientId=self.client)
+            if gap < -SLOP
+        ]
+        if not found:
+            return
+        table = np.array(found)
+        who, contact = table[:, :2].astype(np.int64), table[:, 2:]
+        is_turned = who[:, 0] < 0  # a wall comes second, and the normal pushes the first
+        who[is_turned] = who[is_turned, ::-1]
+        contact[is_turned, 3:6] *= -1
+        recover_overlaps(
+            len(who), who, contact, b.position, b.velocity, b.spin, b.mass, LEAST_BOUNCE, SLOP, self.iterations,
+            self._moved,
+        )  # fmt: skip
+        moved = np.flatnonzero(self._moved.any(axis=1)).tolist()
+        move_bodies(len(who), who, b.position, self._moved)
+        for body in moved:
+            self.put(body)
 
     def near_contacts(self) -> set[int]:
         """Slots with a contact point in the last step (touching, or just parted): the only ones it may have pushed."""

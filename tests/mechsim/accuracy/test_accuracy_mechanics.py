@@ -23,7 +23,7 @@ from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
 from wellmixed import main
 
-SMALL = {"cubes": 2, "duration": 0.3, "rounds": 2, "budget": 1e9, "seed": 6}  # two cubes that meet
+SMALL = {"cubes": 2, "duration": 0.3, "rounds": 2, "budget": 1e9, "seed": 5}  # two cubes that meet
 SCENE = """
 name = "two knobs"
 rules = "line4"

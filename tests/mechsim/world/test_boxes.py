@@ -66,4 +66,4 @@ def test_no_collision_squeezes_a_line_at_a_seam(make_world, line4, monkeypatch):
     monkeypatch.setattr(next(home for home in homes if hasattr(home, "boxes_of")), "boxes_of", cube_by_cube)
     parts = squeezes(make_world, line4, 1500)
     assert whole.max() < 1.05
-    assert (parts > 1.5).sum() > 10  # the control
+    assert (parts > 1.5).sum() > 5  # the control

@@ -167,10 +167,20 @@ def test_a_gas_in_a_box_gains_no_energy(make_world, scene_of, restitution, step)
     assert energy(world) < begin
 
 
-def test_an_elastic_gas_is_refused(scene_of):
-    """The engine takes overlaps back by a push that adds to the bounce: at 1 a gas would gain energy without end."""
-    with pytest.raises(ValueError, match=r"at most 0\.9"):
-        scene_of("walls", {"effect": "contact", "restitution": 1.0})
+@pytest.mark.parametrize(("friction", "least", "most"), [(0.0, 0.95, 1.05), (0.3, 0.0, 0.9)])
+def test_an_elastic_gas_keeps_its_energy(make_world, scene_of, friction, least, most):
+    """At restitution 1, some 30 collisions a cube: PyBullet adds up to 3 %, our engine a tenth of a percent. Control:
+    with friction it is lost."""
+    contact = {"effect": "contact", "restitution": 1.0, "friction": friction}
+    world = make_world({"monomer": 40}, scene_of("walls", contact, tank=[1.2, 1.2, 1.2]))
+    b = world.bodies
+    b.velocity[b.live] = np.random.default_rng(3).standard_normal((len(b.live), 3))
+    begin, hits = energy(world), 0
+    while world.time < 3:
+        world.step()
+        hits += len(world.engine.touches()) > 0
+    assert hits > 100
+    assert least < energy(world) / begin < most
 
 
 def test_without_fluid_and_contact_nothing_changes_a_momentum(make_world, scene_of):
