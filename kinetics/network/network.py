@@ -259,7 +259,7 @@ class Network(Shown):
         return channel_laws(self.laws, self.channel_places, self.species_places, self.sparse_reactants, self.at_zero)
 
     def combinations_of(self, states: ArrayLike, time: float | None = None) -> Floats:
-        """The factor h (..., R) in states (..., S): combinations of reactants times crowding, or the law at a time, tu."""
+        """The factor h (..., R) in states (..., S): combinations times crowding, or the rate law at a time, tu."""
         counts = np.asarray(states)
         if counts.ndim == 0 or counts.shape[-1] != len(self.species):
             raise ValueError(f"states have shape {counts.shape}; expected (..., {len(self.species)})")
