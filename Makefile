@@ -65,6 +65,7 @@ study: $(READY)
 	$(BIN)/wellmixed validate $(STUDY)/plan.toml $(STUDY_RUNS) --rates $(STUDY)/next-rates.toml \
 		--control $(STUDY)/control-rates.toml --json > $(STUDY)/next-validation.json
 	$(BIN)/wellmixed runs loads $$($(BIN)/python -m tests.results.study_pages calibration) --json > $(STUDY)/loads.json
+	$(BIN)/wellmixed runs crowding $(STUDY)/runs --above 0.005 --above 0.006 --json > $(STUDY)/crowding.json
 	$(BIN)/python -m tests.results.study_pages
 
 # Class rates of jacks and pyramids together beside the held-out growth of pyramids, the control that knows no places, and

@@ -111,6 +111,7 @@ COMMANDS = {
         "Export stored mechanics runs as Parquet and CSV tables.",
     ),
     "runs loads": ("mechsim.commands.loads", "loads", "Extrapolate rates of breaks from logged hits."),
+    "runs crowding": ("calibration.commands.crowding", "crowding", "Test models of crowding on logged hits."),
     "trust verify": (
         "kinetics.commands.verify",
         "verify",

@@ -51,6 +51,7 @@ SIMULATE = ("simulate", "line4", "--cubes", 2, "--duration", 0.1)
         (("runs", "render", "abcdef", "--out", "a.mp4"), "imageio_ffmpeg"),
         (("runs", "export", ".", "--out", "tables"), "pyarrow"),
         (("runs", "loads", ".", "--plot", "a.png"), "matplotlib"),
+        (("runs", "crowding", ".", "--csv", "a.csv"), "pandas"),
     ],
 )
 def test_what_an_option_needs_is_looked_for_before_any_work(tmp_path, monkeypatch, command, package):
@@ -140,6 +141,7 @@ REFUSALS = [
     ("runs", "render", "abcdef", "--out", "a.png"),
     ("runs", "replay", "abcdef"),
     ("runs", "loads", "."),
+    ("runs", "crowding", "."),
     ("runs", "export", ".", "--out", "tables"),
     ("study", "first-times", "nothing"),
     ("study", "rates", "nothing"),

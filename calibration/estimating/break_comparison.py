@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from calibration.estimating.break_fit import admits, break_channels, deviance, fit_breaks, log_score, rates_of_fit
+from calibration.estimating.break_rates import Crowd
 from calibration.estimating.double_breaks import DoubleBreaks, double_breaks
 from calibration.estimating.estimate import Calibration
 from calibration.estimating.rate_fit import (
@@ -58,18 +59,23 @@ class BreakComparison(Shown):
 
     @classmethod
     def of(
-        cls, paths: Iterable[JumpPath], models: Sequence[BreakModel] = BREAK_MODELS, within: float | None = None
+        cls,
+        paths: Iterable[JumpPath],
+        models: Sequence[BreakModel] = BREAK_MODELS,
+        within: float | None = None,
+        crowd: Crowd | None = None,
     ) -> BreakComparison:
-        """Fit all models that the network admits."""
+        """Fit all models that the network admits, with the factors of the crowd on all of them."""
         stage("fitting break models")
         runs = tuple(paths)
         admitted = [model for model in models if admits(model, runs[0].network)]
-        return cls(
-            tuple(fit_breaks(model, runs) for model in admitted), tuple(_fits_by_partner(admitted, runs)), within
-        )
+        fits = tuple(fit_breaks(model, runs, crowd=crowd) for model in admitted)
+        return cls(fits, tuple(_fits_by_partner(admitted, runs, crowd)), within)
 
     @classmethod
-    def asked_for(cls, name: str, paths: Iterable[JumpPath], within: float | None = None) -> BreakComparison | None:
+    def asked_for(
+        cls, name: str, paths: Iterable[JumpPath], within: float | None = None, crowd: Crowd | None = None
+    ) -> BreakComparison | None:
         """Fit one break model, or all of them for `auto`; None if nothing breaks.
 
         ValueError: an unknown model, or one that this network does not admit.
@@ -78,9 +84,9 @@ class BreakComparison(Shown):
         if not break_channels(runs[0].network):
             return None
         if name == "auto":
-            return cls.of(runs, within=within)
+            return cls.of(runs, within=within, crowd=crowd)
         model = break_model(name)
-        return cls((fit_breaks(model, runs),), tuple(_fits_by_partner([model], runs)), within)
+        return cls((fit_breaks(model, runs, crowd=crowd),), tuple(_fits_by_partner([model], runs, crowd)), within)
 
     @property
     def headline(self) -> str:
@@ -190,7 +196,7 @@ class BreakComparison(Shown):
         return rows
 
 
-def _fits_by_partner(models: Sequence[BreakModel], runs: Sequence[JumpPath]) -> list[RateFit]:
+def _fits_by_partner(models: Sequence[BreakModel], runs: Sequence[JumpPath], crowd: Crowd | None) -> list[RateFit]:
     """Fits to who broke what, of the models that have partners and call nothing impossible that was seen."""
     if any(run.partners is None for run in runs):
         return []
@@ -198,7 +204,7 @@ def _fits_by_partner(models: Sequence[BreakModel], runs: Sequence[JumpPath]) -> 
     for model in models:
         if ALONE not in model.partners(runs[0].network):
             with contextlib.suppress(ImpossibleEventError):
-                found.append(fit_breaks(model, runs, by_partner=True))
+                found.append(fit_breaks(model, runs, by_partner=True, crowd=crowd))
     return found
 
 

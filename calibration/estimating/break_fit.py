@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from calibration.estimating.break_rates import BreaksBySpecies
+from calibration.estimating.break_rates import BreaksBySpecies, Crowd
 from calibration.estimating.estimate import Calibration, prior_of
 from calibration.estimating.exposure import require_tanks
 from calibration.estimating.likelihood import PathLikelihood
@@ -34,12 +34,14 @@ def fit_breaks(
     paths: Iterable[JumpPath],
     fixed: Mapping[str, float] | None = None,
     by_partner: bool = False,
+    crowd: Crowd | None = None,
 ) -> RateFit:
     """Fit a break model by maximum likelihood to all breaks of runs of one network, in the tank of the first run.
 
     fixed : shape parameters to hold, by name
     by_partner : whether the likelihood is that of who broke what, where the runs name the partner, which says far more
         of the weights; such a likelihood can be compared only among models that have partners
+    crowd : factors on propensities in an expanded network and tank; None for mass action
 
     Cost: one pass over the runs, then milliseconds. ValueError: no runs, no breaks, or some runs with a tank and some
     without
@@ -61,7 +63,7 @@ def fit_breaks(
     if not channels:
         raise ValueError("no channel of this network is a break, so there is no break model to fit")
     require_tanks(runs)
-    return fit_rates(BreaksBySpecies.of(model, network, runs[0].tank, by_partner), runs, channels, fixed)
+    return fit_rates(BreaksBySpecies.of(model, network, runs[0].tank, by_partner, crowd), runs, channels, fixed)
 
 
 def admits(model: BreakModel, network: Network) -> bool:

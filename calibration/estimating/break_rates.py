@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -12,11 +12,13 @@ import numpy as np
 from calibration.estimating.exposure import sojourns
 from calibration.estimating.named_partners import may_have_broken, of_the_named
 from calibration.estimating.rate_model import RateModel
-from kinetics.network import Network, Tank
-from kinetics.rates.breaks import WALL, BreakModel, ShapeParameter, pairs
+from kinetics.network import Crowding, Network, Tank
+from kinetics.rates.breaks import WALL, BreakModel, Expansion, ShapeParameter, pairs
 from kinetics.rates.breaks.base import body_sizes
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats, Ints
+
+Crowd = Callable[[Expansion, Tank], Crowding | None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +27,7 @@ class BreakRates(RateModel):
 
     breaks : the break model
     tank : where the coefficients hold; None if the runs do not know their tank
+    crowd : factors on propensities in an expanded network and tank; None for mass action
     values : the shape parameters, in the order of the model's
     by_partner : whether the likelihood is that of who broke what, where a run names the partner; else of the breaks
     """
@@ -33,6 +36,7 @@ class BreakRates(RateModel):
     tank: Tank | None
     values: tuple[float, ...]
     by_partner: bool = False
+    crowd: Crowd | None = None
 
     terms = ("b",)
 
@@ -64,10 +68,21 @@ class BreaksBySpecies(BreakRates):
     network: Network
 
     @classmethod
-    def of(cls, breaks: BreakModel, network: Network, tank: Tank | None, by_partner: bool = False) -> Self:
+    def of(
+        cls,
+        breaks: BreakModel,
+        network: Network,
+        tank: Tank | None,
+        by_partner: bool = False,
+        crowd: Crowd | None = None,
+    ) -> Self:
         """The break model in a network with one channel a break, its shape where a search starts."""
         values = tuple(parameter.start for parameter in breaks.parameters(network))
-        return cls(breaks=breaks, network=network, tank=tank, values=values, by_partner=by_partner)
+        return cls(breaks=breaks, network=network, tank=tank, values=values, by_partner=by_partner, crowd=crowd)
+
+    @cached_property
+    def _expansion(self) -> Expansion:
+        return Expansion.of(self.network, self.breaks)
 
     @cached_property
     def shape(self) -> tuple[ShapeParameter, ...]:  # type: ignore[override]
@@ -75,14 +90,23 @@ class BreaksBySpecies(BreakRates):
         return self.breaks.parameters(self.network)
 
     def combinations(self, path: JumpPath) -> Sequence[Floats]:
-        """The pairs with each partner, as many as there would be in the tank of the coefficients."""
+        """The pairs with each partner, as many as there would be in the tank of the coefficients, times the crowd's
+        factor in the tank of the run."""
         rarer, wall = self.scales(path)
         factors = [
             wall if name == WALL else rarer if name in path.network.species_places else 1.0
             for name in self.breaks.partners(path.network)
         ]
         parts = pairs(path.network, self.breaks, path.states)
-        return [part if factor == 1 else factor * part for factor, part in zip(factors, parts, strict=True)]
+        parts = [part if factor == 1 else factor * part for factor, part in zip(factors, parts, strict=True)]
+        crowding = None if self.crowd is None or path.tank is None else self.crowd(self._expansion, path.tank)
+        if crowding is None:
+            return parts
+        crowded, found = crowding.factors(path.states), self._expansion
+        for p, part in enumerate(parts):
+            mine = np.flatnonzero(found.partner_of == p)
+            part[:, found.base_of[mine]] *= crowded[:, mine]
+        return parts
 
     def collected(self, path: JumpPath, rows: Ints) -> tuple[Floats, Floats]:
         """Integrals of the parts over a path, and the parts at its events, of the partners that its record allows."""
@@ -102,7 +126,7 @@ class BreaksBySpecies(BreakRates):
     @property
     def cache_key(self) -> Hashable:
         """The model without its shape, on which the pairs do not depend."""
-        return self.breaks, self.network, self.tank, self.by_partner
+        return self.breaks, self.network, self.tank, self.by_partner, self.crowd
 
 
 @dataclass(frozen=True, kw_only=True)

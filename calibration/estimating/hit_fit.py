@@ -17,6 +17,7 @@ from calibration.estimating.hits import Source
 from calibration.estimating.shape_search import least
 from kinetics.rates.breaks import ShapeParameter
 from kinetics.rates.breaks.collision import EXPONENT
+from kinetics.rates.crowding import THIRD
 from kinetics.support.arrays import Floats, Ints, divided
 from kinetics.support.packages import optimize, special
 
@@ -27,7 +28,6 @@ COINCIDENCES = (
     ShapeParameter("reach", 0.0, 10.0, 0.1, is_weight=True),
     ShapeParameter("beyond", 0.0, 10.0, 0.3, is_weight=True),
 )
-THIRD = "third"  # the parameter of hits of three
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +90,11 @@ class HitFit:
     def theta(self) -> float:
         """Value of the model's parameter; 0 without one."""
         return 0.0 if self.parameter is None else self.values[self.parameter.name]
+
+    @property
+    def coincidence(self) -> dict[str, float]:
+        """Reach and beyond; empty for joins."""
+        return {p.name: self.values[p.name] for p in COINCIDENCES if p.name in self.values}
 
     @cached_property
     def expected(self) -> Floats:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +13,9 @@ from calibration.estimating.exposure import sojourns
 from kinetics.network import Crowding, Tank
 from kinetics.rates.breaks import Expansion, break_model, is_break
 from kinetics.rates.breaks.base import WALL, body_sizes
+from kinetics.rates.crowding import SourceName
 from kinetics.runs import BY_WALL, RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints, divided
-
-SourceName = Literal["bodies", "walls", "joins"]
-SOURCES: tuple[SourceName, ...] = ("bodies", "walls", "joins")
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,23 +113,18 @@ class Source:
             np.add.at(found[n], (row, partner, run.shared[mine].astype(np.int64)), 1)
         return found
 
-    def exposure(self, crowdings: Sequence[Crowding | None]) -> Floats:
+    def exposure(self, crowdings: Sequence[Crowding]) -> Floats:
         """Exposure (n, G, P) of each run to each event, for partners of weight 1.
 
-        crowdings : of each run, in its tank; None for mass action
+        crowdings : factors on the channels of the expansion, for each run in its tank
 
         It is the integral of x y / V for hits by bodies and joins (x (x - 1) / V for hits by like bodies), of x A / V
-        for hits by walls, times the factor of the crowd. The integrals of s^d / (1 - phi)^(d + 1) behind a factor are
-        computed once for all coefficients.
+        for hits by walls, times the factor of the crowd. The integrals of z^d / (1 - phi) behind a factor are computed
+        once for all coefficients.
         """
-        terms: list[Floats] = []
-        place: dict[Crowding | None, int] = {}
-        for crowding in crowdings:
-            if crowding not in place:
-                place[crowding] = len(place)
-                shape = (*self.channels.shape, 1)
-                terms.append(np.ones(shape) if crowding is None else crowding.coefficients[self.channels])
-        factors = np.array(terms)[[place[crowding] for crowding in crowdings]]
+        place = {crowding: k for k, crowding in enumerate(dict.fromkeys(crowdings))}
+        terms = np.array([crowding.coefficients[self.channels] for crowding in place])
+        factors = terms[[place[crowding] for crowding in crowdings]]
         return np.asarray(np.einsum("ngpd,ndgp->ngp", factors, self._integrals(crowdings, factors.shape[-1])))
 
     def around(self, crowdings: Sequence[Crowding]) -> Floats:
@@ -140,15 +132,14 @@ class Source:
         _, whole, crowded = np.moveaxis(self._integrals(crowdings, 3), 1, 0)
         return divided(crowded, whole)
 
-    def _integrals(self, crowdings: Sequence[Crowding | None], terms: int) -> Floats:
-        """Integrals (n, D, G, P) of the exposure's rate times 1, 1 / (1 - phi), s / (1 - phi)^2, ...; they are kept."""
-        sums = [b"" if c is None else c.weights.tobytes() + c.volumes.tobytes() for c in crowdings]
-        key = (terms, *sums)
+    def _integrals(self, crowdings: Sequence[Crowding], terms: int) -> Floats:
+        """Integrals (n, D, G, P) of the exposure's rate times 1, 1 / (1 - phi), z / (1 - phi), ...; they are kept."""
+        key = (terms, *(c.weights.tobytes() + c.volumes.tobytes() for c in crowdings))
         if key not in self._known:
             self._known[key] = np.array([self._of_run(n, c, terms) for n, c in enumerate(crowdings)])
         return self._known[key]
 
-    def _of_run(self, n: int, crowding: Crowding | None, terms: int) -> Floats:
+    def _of_run(self, n: int, crowding: Crowding, terms: int) -> Floats:
         path, tank = self.runs[n].path, self.runs[n].size
         begin, end, _ = sojourns(path)
         network, base = self.expansion.network, self.expansion.base
@@ -156,8 +147,7 @@ class Source:
         rate = network.combinations_of(path.states)[:, self.channels] * times / tank.volume
         if self.name == "walls":
             rate *= tank.surface
+        free = 1.0 - path.states @ crowding.volumes
         powers = np.ones((terms, len(begin)))
-        if crowding is not None:
-            free = 1.0 - path.states @ crowding.volumes
-            powers[1:] = ((path.states @ crowding.weights) / free) ** np.arange(terms - 1)[:, None] / free
+        powers[1:] = ((path.states @ crowding.weights) / free) ** np.arange(terms - 1)[:, None] / free
         return np.asarray(np.einsum("dt,tgp->dgp", powers * (end - begin), rate))

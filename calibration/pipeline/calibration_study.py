@@ -11,6 +11,7 @@ import numpy as np
 
 from calibration.estimating.class_calibration import BookRuns
 from calibration.estimating.study import CalibrationStudy, ClassStudy
+from calibration.pipeline.logged_hits import path_of
 from calibration.pipeline.study_runs import StudyRuns, bonds_of, made
 from kinetics.assembly import RuleBook
 from kinetics.runs import JumpPath
@@ -71,7 +72,7 @@ def run_calibration(
     cubes = ", ".join(map(str, sorted({record.spec.n_cubes for record in sound})))
     return CalibrationStudy(
         name=scene.name,
-        paths=[record.path for record in sound],
+        paths=[path_of(record) for record in sound],
         evidence={
             "scene": scene.name,
             "scene_hash": scene.fingerprint,

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from kinetics.rates.class_entries import general_entries as general_entries
     from kinetics.rates.class_entries import measured_class as measured_class
     from kinetics.rates.class_entries import with_prior as with_prior
+    from kinetics.rates.crowding_terms import CrowdingTerms as CrowdingTerms
     from kinetics.rates.posterior import RatesPosterior as RatesPosterior
     from kinetics.rates.rates import ChannelRate as ChannelRate
     from kinetics.rates.rates import Convention as Convention

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 __all__ = ["extra", "how_to_install", "require"]
 __all__ += ["backend_agg", "libsbml", "mpl", "pd", "plt"]
-__all__ += ["integrate", "linalg", "optimize", "sparse", "special", "stats"]
+__all__ += ["integrate", "linalg", "optimize", "sparse", "spatial", "special", "stats"]
 
 # package that may be lacking -> what pip installs it by, as the extras of pyproject.toml have it
 EXTRAS = {
@@ -90,9 +90,9 @@ if TYPE_CHECKING:
     import matplotlib.pyplot as plt
     import pandas as pd
     from matplotlib.backends import backend_agg
-    from scipy import integrate, linalg, optimize, sparse, special, stats
+    from scipy import integrate, linalg, optimize, sparse, spatial, special, stats
 else:
     libsbml, mpl, plt, pd = map(LateModule, ("libsbml", "matplotlib", "matplotlib.pyplot", "pandas"))
     backend_agg = LateModule("matplotlib.backends.backend_agg")
     integrate, linalg, optimize = map(LateModule, ("scipy.integrate", "scipy.linalg", "scipy.optimize"))
-    sparse, special, stats = map(LateModule, ("scipy.sparse", "scipy.special", "scipy.stats"))
+    sparse, spatial, special, stats = map(LateModule, ("scipy.sparse", "scipy.spatial", "scipy.special", "scipy.stats"))

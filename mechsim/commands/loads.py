@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import click
 
 from kinetics.support.cli.declared import files_option
 from kinetics.support.cli.options import echo_json, json_option, picture_of, write_plots
-from mechsim.inspection.poses import record_at
-from mechsim.runs.store import RunStore
+from mechsim.inspection.poses import records_at
 
 
 @click.command()
@@ -32,15 +29,12 @@ def loads(runs: tuple[str, ...], thresholds: tuple[float, ...], plot_files: tupl
     A run has a log if its scene's effect breaking has log_above. The table gives the rate of hits above several loads,
     the exponent with which hits grow with the partner's size, and the rate of breaks at the threshold, extrapolated
     from the tail of loads, with 95 % intervals and a check that several levels agree. Exposures are counted in each
-    run's own tank; if tanks of different size or number of cubes disagree on a rate of hits, the command says so. Runs
-    without a log, or stopped by the guard, are left out. The command draws no random numbers.
+    run's own tank, as mass action has it; `wellmixed runs crowding` tests that. Runs without a log, or stopped by the
+    guard, are left out. The command draws no random numbers.
     """
     from mechsim.inspection.tail_extrapolation.report import extrapolate, plot_tails
 
-    files = []
-    for name in map(Path, runs):
-        files += sorted(RunStore.found(name).folder.glob("*.run")) if name.is_dir() else [name]
-    records = [record_at(str(file), file.parent) for file in dict.fromkeys(files)]
+    records = records_at(runs)
     logged = [record for record in records if record.completed and "load_value" in record.arrays]
     if not logged:
         raise ValueError(

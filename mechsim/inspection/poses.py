@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -11,7 +12,7 @@ import numpy as np
 from kinetics.assembly.faces import scheme_of
 from kinetics.support.limits import RUN_BYTES, bytes_in
 from mechsim.runs.record import RunRecord, RunSpec, book_of
-from mechsim.runs.store import DamagedRunError, decode
+from mechsim.runs.store import DamagedRunError, RunStore, decode
 
 NOT_THERE = "no poses were recorded; repeat the run with an interval between poses (simulate --poses)"
 
@@ -110,3 +111,11 @@ def record_at(run: str, folder: str | Path) -> RunRecord:
     if book_of(spec.scene.rules)[0].fingerprint != manifest["inputs"]["rules"]:
         raise ValueError(f"{path}: rule book {spec.scene.rules} is no longer the one that the run was made with")
     return RunRecord(spec, manifest["outcome"], arrays, manifest["facts"], manifest["cost"])
+
+
+def records_at(names: Sequence[str]) -> list[RunRecord]:
+    """The stored runs in folders and files of these names, each once; errors as in `record_at`."""
+    files: list[Path] = []
+    for name in map(Path, names):
+        files += sorted(RunStore.found(name).folder.glob("*.run")) if name.is_dir() else [name]
+    return [record_at(str(file), file.parent) for file in dict.fromkeys(files)]

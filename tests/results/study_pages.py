@@ -27,7 +27,10 @@ from tests.results.new_studies import made_for_new, planned_by_new, purpose
 from tests.results.paper_estimator import paper_estimate
 from tests.results.studies import ROOT, STUDIES, Study, bullets, cubes_in, listed, one, only, paragraph, ratio, table
 
-PAGES = (ROOT / "docs" / "line_of_four.md", *(folder / "README.md" for folder in STUDIES.values()))
+PAGES = (
+    *(ROOT / "docs" / f"{name}.md" for name in ("line_of_four", "crowding")),
+    *(folder / "README.md" for folder in STUDIES.values()),
+)
 BLOCK = re.compile(rf"(<!-- ({'|'.join(STUDIES)}): (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 PAPER_FIRST_LINE = {"mechanics": 89.42, "Gillespie": 93.84}  # tu, means of ten runs each; section VI of the paper
 
@@ -158,6 +161,38 @@ def logged_hits(study: Study) -> str:
     ]
     titles = ("struck", "breaks counted", f"expected from hits above {found['log_above']:g}, of every fifth run", "z")
     return table(titles, rows)
+
+
+def hits_by_tank(study: Study) -> str:
+    """Hits and joins per exposure, least and most of all tanks, under each model of crowding."""
+    found = study.stored("crowding.json")
+    models = list(dict.fromkeys(fit["model"] for fit in found["fits"]))
+    rows = []
+    for source, above in dict.fromkeys((fit["source"], fit["above"]) for fit in found["fits"]):
+        fits = [fit for fit in found["fits"] if (fit["source"], fit["above"]) == (source, above)]
+        cells = []
+        for fit in fits:
+            ratios = [row["ratio"] for row in fit["tanks"]]
+            cells.append(
+                f"{min(ratios):.2f} to {max(ratios):.2f}; {fit['chi_square'] / fit['scatter']:.1f} of {fit['freedom']}"
+            )
+        rows.append((source, f"{above:g}" if above else "", str(fits[0]["events"]), *cells))
+    return table(("events by", "above", "events", *models), rows)
+
+
+def hits_of_three(study: Study) -> str:
+    """How often third bodies take part, by load."""
+    found = study.stored("crowding.json")
+    rows = []
+    for fit in found["fits"]:
+        if fit["parameter"] == "third" and fit["source"] != "joins":
+            reach, beyond = (fit["coincidence"][name] for name in ("reach", "beyond"))
+            limits = f"{fit['value']:.3f} [{fit['low']:.3f}, {fit['high']:.3f}]"
+            shared = f"{fit['shared'] / fit['events']:.0%}"
+            rows.append((fit["source"], f"{fit['above']:g}", shared, limits, f"{reach:.3f}", f"{beyond:.2f}"))
+    chosen = ", ".join(f"{model} for {source}" for source, model in found["chosen"].items())
+    titles = ("hits by", "above", "shared", "third", "reach", "beyond")
+    return f"{table(titles, rows)}\n\n{paragraph(f'Chosen: {chosen}.')}"
 
 
 def exponents(study: Study) -> str:
@@ -388,6 +423,8 @@ BLOCKS: dict[str, Callable[[Study], str]] = {
     "reason": reason,
     "logged_hits": logged_hits,
     "exponents": exponents,
+    "hits_by_tank": hits_by_tank,
+    "hits_of_three": hits_of_three,
     "pairs": pairs,
     "diagnostics": diagnostics,
     "held": made_so_far,

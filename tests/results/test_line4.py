@@ -32,7 +32,7 @@ SECTION = TEXTS[0]
 TOLD = {"1", "2", "3", "0.008", "101", "202", "24"}  # and the runs of t5
 
 
-@pytest.mark.parametrize("page", TEXTS, ids=["line_of_four", *STUDIES])
+@pytest.mark.parametrize("page", TEXTS, ids=["line_of_four", "crowding", *STUDIES])
 def test_pages_say_what_the_files_hold(page):
     assert filled(page) == page
     changed = re.sub(r"(?<=\d\.)\d", lambda digit: str((int(digit[0]) + 1) % 10), page)  # control: other decimals

@@ -25,7 +25,6 @@ from mechsim.inspection.tail_extrapolation.rates import (
     hit_rates,
     levels_of,
 )
-from mechsim.inspection.tail_extrapolation.tanks import TankRow, compare_tanks, tank_doubts
 from mechsim.runs.record import RunRecord
 
 SOURCES = ("all", "bodies", "walls")
@@ -39,7 +38,6 @@ class TailExtrapolation:
 
     cpu_seconds : of all runs
     missing : species and sources with too few hits for a tail, and why
-    tanks : rates of hits compared between tanks of different size or number of cubes; empty where all are alike
     checks : an extrapolation from every fifth run of each kind of tank against the breaks counted in the others; empty
         below five runs
     """
@@ -52,7 +50,6 @@ class TailExtrapolation:
     exponent_doubts: tuple[str, ...]
     breaks: tuple[BreakRate, ...]
     missing: tuple[str, ...]
-    tanks: tuple[TankRow, ...]
     checks: tuple[CountedBreaks, ...]
 
     def as_dict(self) -> dict[str, Any]:
@@ -67,8 +64,6 @@ class TailExtrapolation:
             "exponent_doubts": self.exponent_doubts,
             "breaks": [asdict(row) | {"is_trustworthy": row.is_trustworthy} for row in self.breaks],
             "missing": self.missing,
-            "tanks": [asdict(row) for row in self.tanks],
-            "tank_doubts": tank_doubts(self.tanks),
             "checks": [asdict(row) for row in self.checks],
         }
 
@@ -88,7 +83,6 @@ class TailExtrapolation:
                 what = f"{row.species} by {row.source} at {row.threshold:g}"
                 parts.append(f"extrapolation not trustworthy, {what}: {'; '.join(row.doubts)}")
         parts += list(self.missing)
-        parts += tank_doubts(self.tanks)
         if self.checks:
             title = "an extrapolation from every fifth run of each tank against the breaks counted in the others"
             parts.append(f"{title}\n" + columns([asdict(row) for row in self.checks]))
@@ -127,7 +121,6 @@ def extrapolate(records: Sequence[RunRecord], thresholds: Sequence[float] = ()) 
         tuple(exponent_doubts(exponents)) if exponents else (),
         tuple(breaks),
         tuple(missing),
-        tuple(compare_tanks(runs, tanks, alpha)),
         tuple(check(pooled(fifth), pooled(others), len(others))) if can_check and others else (),
     )
 

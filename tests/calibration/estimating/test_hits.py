@@ -6,10 +6,11 @@ from hit_studies import ALPHA, FLAT, RADIUS, SURFACE, TALL, USUAL, VOLUME, chang
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
-from calibration.estimating.hit_fit import THIRD, HitFit
+from calibration.estimating.hit_fit import HitFit
 from calibration.estimating.hits import RunHits, Source
 from kinetics.network import Crowding
 from kinetics.rates.breaks import ShapeParameter
+from kinetics.rates.crowding import THIRD
 from kinetics.runs import BY_WALL
 
 LAMBDA = ShapeParameter(THIRD, 0.0, 50.0, 0.1, is_weight=True)
@@ -34,6 +35,11 @@ def by_hand(source: Source, tank, third: float = 0.0) -> Crowding:
     return Crowding(SURFACE / tank.volume, VOLUME / tank.volume, terms)
 
 
+def mass_action(source: Source):
+    terms = np.ones((len(source.expansion.network.channels), 1))
+    return source.exposure([Crowding(SURFACE, VOLUME / run.size.volume, terms) for run in source.runs])
+
+
 def exposures(source: Source, third: float = 0.0):
     return source.exposure([by_hand(source, run.size, third) for run in source.runs])
 
@@ -43,7 +49,7 @@ def test_exposures_are_integrals_over_the_path(name):
     """In three tanks of one composition that changes, by a loop over the stretches."""
     runs = runs_of([changing_run(tank, seed) for seed, tank in enumerate((USUAL, TALL, FLAT))])
     source = Source.of(name, runs)
-    found, plain = exposures(source), source.exposure([None] * 3)
+    found, plain = exposures(source), mass_action(source)
     slow, slower = np.zeros(found.shape), np.zeros(found.shape)
     for n, run in enumerate(runs):
         edges = [0.0, *run.path.times, run.path.end]

@@ -17,7 +17,6 @@ from mechsim.inspection.tail_extrapolation.rates import (
     levels_of,
 )
 from mechsim.inspection.tail_extrapolation.tails import fit_tail
-from mechsim.inspection.tail_extrapolation.tanks import compare_tanks, tank_doubts
 
 NAMES, SIZES = ("monomer", "dimer", "trimer", "quadmer"), np.array([1, 2, 3, 4])
 LOG, THRESHOLD = 1.0, 2.0
@@ -168,39 +167,3 @@ def test_too_few_hits_above_the_higher_levels_are_said():
     found = break_rate(loads, QUADMER, "all", 3.0, 1.3)
     assert not found.is_trustworthy
     assert "too few to test whether it is stable" in found.doubts[0]
-
-
-def compared(seed, by_walls=1.0, scatter=0.0):
-    """Ten runs each of a tank and of one where walls hit so many times as often; rates of a run scatter by a share."""
-    rng = np.random.default_rng(seed)
-    rates = [(1.0, "60 cubes")] * 10 + [(by_walls, "120 cubes")] * 10
-    runs = [
-        hits(rng, tu=100.0, walls=8e-3 * factor * rng.gamma(1 / scatter**2, scatter**2) if scatter else 8e-3 * factor)
-        for factor, _ in rates
-    ]
-    return compare_tanks(runs, [tank for _, tank in rates], 1.3)
-
-
-@pytest.mark.parametrize("scatter", [0.0, 0.3])
-def test_tanks_that_agree_raise_no_doubt(scatter):
-    """At its level, also where runs of one tank scatter more than a Poisson law has it."""
-    found = [compared(seed, scatter=scatter) for seed in range(100)]
-    p = np.array([row.p for rows in found for row in rows if row.source == "walls"])
-    assert len(p) == 300
-    assert (p < 0.05).mean() < 0.05 + 4 * math.sqrt(0.05 * 0.95 / 300)
-    assert sum(bool(tank_doubts(rows)) for rows in found) <= 5  # of 100 at 1 %
-
-
-def test_a_tank_that_differs_is_named():
-    """Walls that hit twice as often in one tank; the rates of bodies stay undoubted."""
-    rows = compared(1, by_walls=2.0)
-    doubts = tank_doubts(rows)
-    assert [doubt.split(" differ")[0] for doubt in doubts] == [f"hits on {name} by walls" for name in NAMES[1:]]
-    assert all("60 cubes" in doubt and "120 cubes" in doubt for doubt in doubts)
-    (row,) = (row for row in rows if (row.species, row.source) == ("quadmer", "walls"))
-    assert row.most / row.least == pytest.approx(2.0, rel=0.2)
-
-
-def test_tanks_alike_are_not_compared():
-    rng = np.random.default_rng(1)
-    assert compare_tanks([hits(rng) for _ in range(6)], ["60 cubes"] * 6, 1.3) == []
