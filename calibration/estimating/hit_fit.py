@@ -79,8 +79,16 @@ class HitFit:
         def costs(table: Floats) -> Floats:
             return np.array([-start.at(dict(zip((p.name for p in free), row, strict=True))).value for row in table])
 
-        found = least(free, [p.start for p in free], costs) if seen.any() else [p.low for p in free]
-        return start.at(dict(zip((p.name for p in free), found, strict=True)))
+        names = [p.name for p in free]
+        if not seen.any():
+            return start.at({p.name: p.low for p in free})
+        if parameter is None or parameter.name in known:
+            return start.at(dict(zip(names, least(free, [p.start for p in free], costs), strict=True)))
+        # From the model without its effect, than which the fit is never worse.
+        without = cls.of(source, seen, around, exposure, parameter, known | {parameter.name: parameter.low})
+        begin = [parameter.start if name == parameter.name else without.values[name] for name in names]
+        found = start.at(dict(zip(names, least(free, begin, costs), strict=True)))
+        return found if found.value >= without.value else replace(without, held=known)
 
     def at(self, values: Mapping[str, float]) -> HitFit:
         """The fit with some values as given."""

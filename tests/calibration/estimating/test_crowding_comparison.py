@@ -30,10 +30,10 @@ TRUTHS = {
 
 @pytest.mark.parametrize("name", list(TRUTHS))
 def test_the_right_model_is_chosen(name):
-    """8 logs of some 20,000 hits: power above .9 for each truth; one wrong choice in eight is allowed."""
+    """8 logs of some 80,000 hits: power above .9 for each truth; one wrong choice in eight is allowed."""
     right = {"bodies": 0, "walls": 0}
     for seed in range(8):
-        chosen = compared(seed, 250.0, **TRUTHS[name]).chosen
+        chosen = compared(seed, 1000.0, **TRUTHS[name]).chosen
         for source in right:
             right[source] += chosen[source].model == name
     assert min(right.values()) >= 7, right
