@@ -26,6 +26,7 @@ from kinetics.commands.models import is_network_file, network_of_book
 from kinetics.formats import read
 from kinetics.network import Tank
 from kinetics.rates.breaks import break_model
+from kinetics.rates.crowding import crowding_model
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import HEADING, NumbersCommand, echo_json, heading, json_option
@@ -35,7 +36,13 @@ from mechsim.runs.record import book_of
 
 MODES = ("channels", "classes", "events")
 # Options that mean something in some modes only
-MODES_OF = {"group_by": ("classes",), "run_table": ("events",), "tank": ("events",), "report": ("channels", "events")}
+MODES_OF = {
+    "group_by": ("classes",),
+    "run_table": ("events",),
+    "tank": ("events",),
+    "report": ("channels", "events"),
+    "crowding": ("channels",),
+}
 # Options that mean something where no runs are made
 OF_EVENTS = {"words", "out", "cubes", "report", "as_json", "run_table", "tank", "breaks"}
 FILES = or_study_folder(PLAN, {"runs_folder": RUNS, "out": RATES, "report": "calibration.html"})
@@ -78,6 +85,14 @@ def _words(ctx: click.Context, param: click.Parameter, words: tuple[str, ...]) -
     metavar="auto|NAME",
     help="How bonds break: a break model such as first-order or collision, or auto for the one that the runs "
     "choose. For events, no break model is fitted unless one is named here.  [default: the plan's, or auto]",
+)
+@click.option(
+    "--crowding",
+    metavar="auto|NAME",
+    default="auto",
+    show_default=True,
+    help="How breaks by bodies and by walls depend on the crowd: a model of crowding (none, linear, hard-bodies, "
+    "three-body), or auto for those that logged hits choose, for breaks and for joins; none without logged hits.",
 )
 @heading("For rates by class")
 @default_option(
@@ -130,6 +145,8 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
 
     if how["breaks"] not in (None, "auto"):
         break_model(how["breaks"])
+    if how["crowding"] != "auto":
+        crowding_model(how["crowding"])
     mode, *sources = words
     study: CalibrationStudy | ClassStudy
     if mode == "events":
@@ -152,6 +169,8 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
         click.echo(class_rates_table(study) if isinstance(study, ClassStudy) else rates_table(study))
         if isinstance(study, CalibrationStudy) and study.break_models is not None:
             click.echo(breaks_table(study.break_models))
+        if isinstance(study, CalibrationStudy) and study.crowding_models is not None:
+            click.echo(f"{study.crowding_models}")
         click.echo(f"rates written to {out}")
     leave(study.problems)
 
@@ -210,4 +229,4 @@ def of_runs(
         return None
     if mode == "classes":
         return run_class_calibration(parts, folder, breaks=how["breaks"], share=how["group_by"], **common)
-    return run_calibration(parts[0], folder, breaks=how["breaks"], **common)
+    return run_calibration(parts[0], folder, breaks=how["breaks"], crowding=how["crowding"], **common)

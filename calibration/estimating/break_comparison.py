@@ -9,9 +9,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from calibration.estimating.break_fit import admits, break_channels, deviance, fit_breaks, log_score, rates_of_fit
-from calibration.estimating.break_rates import Crowd
 from calibration.estimating.double_breaks import DoubleBreaks, double_breaks
 from calibration.estimating.estimate import Calibration
+from calibration.estimating.exposure import Crowd
 from calibration.estimating.rate_fit import (
     CLOSE,
     ImpossibleEventError,
@@ -26,7 +26,7 @@ from kinetics.support.cli.progress import stage
 from kinetics.support.shown import ResultTable, Shown
 
 if TYPE_CHECKING:
-    from kinetics.rates import Rates
+    from kinetics.rates import CrowdingTerms, Rates
 
 FOLDS = 5
 
@@ -244,12 +244,16 @@ def shape_in_words(shape: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def rates_with_breaks(
-    calibration: Calibration, compared: BreakComparison | None, evidence: Mapping[str, Any] | None = None
+    calibration: Calibration,
+    compared: BreakComparison | None,
+    evidence: Mapping[str, Any] | None = None,
+    crowding: CrowdingTerms | None = None,
 ) -> Rates:
     """The rates of joins as measured, and of breaks by the chosen break model, fitted to the same runs.
 
     compared : break models, of which the evidence states the choice; None: breaks are of first order, as counted
+    crowding : under which all were measured; None for mass action
     """
     if compared is None:
-        return calibration.rates(evidence)
-    return rates_of_fit(calibration, compared.chosen, dict(evidence or {}) | {"break_model": compared.reason})
+        return calibration.rates(evidence).replace(crowding=crowding)
+    return rates_of_fit(calibration, compared.chosen, dict(evidence or {}) | {"break_model": compared.reason}, crowding)

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from calibration.estimating.break_rates import BreaksBySpecies, Crowd
+from calibration.estimating.break_rates import BreaksBySpecies
 from calibration.estimating.estimate import Calibration, prior_of
-from calibration.estimating.exposure import require_tanks
+from calibration.estimating.exposure import Crowd, require_tanks
 from calibration.estimating.likelihood import PathLikelihood
 from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, fit_rates
 from calibration.estimating.shape_posterior import shape_posterior
 from kinetics.network import Network
-from kinetics.rates import Rates
+from kinetics.rates import CrowdingTerms, Rates
 from kinetics.rates.breaks import BreakModel, is_break
 from kinetics.runs import JumpPath
 from kinetics.support.packages import special
@@ -115,8 +115,16 @@ def deviance(fit: RateFit) -> LikelihoodRatio:
     )
 
 
-def rates_of_fit(calibration: Calibration, fit: RateFit, evidence: Mapping[str, Any] | None = None) -> Rates:
-    """The rates of joins as measured, and of breaks by the fit of a break model to the same runs."""
+def rates_of_fit(
+    calibration: Calibration,
+    fit: RateFit,
+    evidence: Mapping[str, Any] | None = None,
+    crowding: CrowdingTerms | None = None,
+) -> Rates:
+    """The rates of joins as measured, and of breaks by the fit of a break model to the same runs.
+
+    crowding : under which both were measured; None for mass action
+    """
     plain = calibration.rates(evidence)
     model = fit.model
     if not isinstance(model, BreaksBySpecies):
@@ -146,4 +154,6 @@ def rates_of_fit(calibration: Calibration, fit: RateFit, evidence: Mapping[str, 
     breaks: dict[str, Any] = {"model": model.name, "shape": model.shape_values}
     if posterior is not None:
         breaks["posterior"] = posterior.as_dict()
-    return validated(Rates, plain.as_dict(none=False) | {"channels": channels, "breaks": breaks}, "fitted rates")
+    crowded = {} if crowding is None else {"crowding": crowding.as_dict(none=False)}
+    content = plain.as_dict(none=False) | {"channels": channels, "breaks": breaks} | crowded
+    return validated(Rates, content, "fitted rates")

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 
-from calibration.estimating.exposure import sojourns
+from calibration.estimating.exposure import Crowd, crowding_of, sojourns
 from calibration.estimating.named_partners import may_have_broken, of_the_named
 from calibration.estimating.rate_model import RateModel
-from kinetics.network import Crowding, Network, Tank
+from kinetics.network import Network, Tank
 from kinetics.rates.breaks import WALL, BreakModel, Expansion, ShapeParameter, pairs
 from kinetics.rates.breaks.base import body_sizes
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats, Ints
-
-Crowd = Callable[[Expansion, Tank], Crowding | None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +97,7 @@ class BreaksBySpecies(BreakRates):
         ]
         parts = pairs(path.network, self.breaks, path.states)
         parts = [part if factor == 1 else factor * part for factor, part in zip(factors, parts, strict=True)]
-        crowding = None if self.crowd is None or path.tank is None else self.crowd(self._expansion, path.tank)
+        crowding = crowding_of(self.crowd, self._expansion, path.tank)
         if crowding is None:
             return parts
         crowded, found = crowding.factors(path.states), self._expansion

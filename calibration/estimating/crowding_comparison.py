@@ -23,6 +23,7 @@ from kinetics.rates.crowding import (
     crowding_in,
     crowding_model,
 )
+from kinetics.rates.crowding_terms import BodyGeometry, CrowdingTerms
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.progress import stage
 from kinetics.support.intervals import exact_limits
@@ -237,6 +238,23 @@ class CrowdingComparison(Shown):
             found[name] = last[min(near, key=lambda i: (last[i].fit.parameter is not None, total[i]))]
         return found
 
+    def fitted(self, model: str) -> dict[SourceName, CrowdingFit]:
+        """One model for hits by bodies and walls, and none for joins."""
+        names: dict[SourceName, str] = {"bodies": model, "walls": model, "joins": "none"}
+        return {
+            source: next(fit for fit in self._classes(source)[-1] if fit.model == name)
+            for source, name in names.items()
+        }
+
+    @property
+    def reason(self) -> str:
+        """What the hits chose, in a sentence."""
+        shown = []
+        for source, fit in self.chosen.items():
+            value = "" if fit.fit.parameter is None else f" ({fit.fit.parameter.name} = {fit.fit.theta:.3g})"
+            shown.append(f"{fit.model}{value} for {source}")
+        return f"{', '.join(shown)}, by {sum(len(run.load) for run in self.runs)} logged hits and the joins"
+
     def _classes(self, name: SourceName) -> list[list[CrowdingFit]]:
         """Fits to disjoint ranges of loads, the last one of what broke a bond."""
         if name == "joins":
@@ -296,3 +314,34 @@ class CrowdingComparison(Shown):
             for fit in self.fits
             for row in fit.tanks
         ]
+
+
+def crowding_terms(
+    name: str, compared: CrowdingComparison | None, bodies: ConvexBodies | None, species: Sequence[str]
+) -> CrowdingTerms | None:
+    """What a rates file says of crowding; None for mass action.
+
+    name : of a model, for breaks by bodies and walls; or `auto` for those that logged hits choose: without them, none
+    compared : fits to logged hits; None if there are none
+
+    ValueError: a model with a parameter, and no logged hits to fit it to; or no geometry of bodies
+    """
+    fits = {} if compared is None else compared.chosen if name == "auto" else compared.fitted(name)
+    models = {source: fit.model for source, fit in fits.items()}
+    if compared is None and name != "auto":
+        if crowding_model(name).parameters:
+            raise ValueError(
+                f"model of crowding {name!r} has a parameter that logged hits must tell, and no run has a log of them; "
+                "expected runs of a scene whose effect breaking has log_above, or crowding hard-bodies or none"
+            )
+        models = {"bodies": name, "walls": name}
+    if set(models.values()) <= {"none"}:
+        return None
+    if bodies is None:
+        raise ValueError(f"crowding {name!r} needs the geometry of bodies; expected mechanics runs: take crowding none")
+    shape = {
+        str(source): {p.name: fit.fit.theta} for source, fit in fits.items() if (p := fit.fit.parameter) is not None
+    }
+    rows = zip(species, bodies.radius.tolist(), bodies.surface.tolist(), bodies.volume.tolist(), strict=True)
+    geometry = {who: BodyGeometry(radius=r, surface=s, volume=v) for who, r, s, v in rows}
+    return CrowdingTerms(**models, shape=shape, species=geometry)

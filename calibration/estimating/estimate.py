@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calibration.estimating.exposure import Exposure, count, pooled, require_same
+from calibration.estimating.exposure import Crowd, Exposure, count, crowding_of, pooled, require_same
 from calibration.estimating.joins_and_breaks import joins_and_breaks
-from kinetics.network import Network
+from kinetics.network import Crowding, Network
+from kinetics.rates.breaks import Expansion, break_model
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import exact_limits, jeffreys_posterior
@@ -225,10 +226,11 @@ class Calibration(Shown):
         )
 
 
-def estimate(measured: Iterable[JumpPath | Exposure]) -> Calibration:
+def estimate(measured: Iterable[JumpPath | Exposure], crowd: Crowd | None = None) -> Calibration:
     """Estimate rates from runs of one network, as pooled events over pooled exposure.
 
     measured : paths or exposures, one per run, from any initial states, restarted or not, with any channels closed
+    crowd : factors of joins in the tank of a run; None for mass action
     ValueError: no runs, runs of several networks, or some with a tank and some without
 
     It is the largest likelihood under mass action (Albert 1962, doi:10.1214/aoms/1177704594). Cost: linear in events
@@ -241,10 +243,14 @@ def estimate(measured: Iterable[JumpPath | Exposure]) -> Calibration:
     >>> estimate([path])["decay"].rate  # 2 events over 2 * 0.5 + 1 * 1.0
     1.0
     """
-    runs = tuple(run if isinstance(run, Exposure) else count(run) for run in measured)
+    runs = tuple(run if isinstance(run, Exposure) else count(run, crowding=_crowding(run, crowd)) for run in measured)
     if not runs:
         raise ValueError("no runs to estimate from; give at least one path or exposure")
     return Calibration(runs[0].network, runs)
+
+
+def _crowding(run: JumpPath, crowd: Crowd | None) -> Crowding | None:
+    return crowding_of(crowd, Expansion.of(run.network, break_model("first-order")), run.tank)
 
 
 def prior_of(channel: str, network: Network, events: ArrayLike, exposures: ArrayLike) -> dict[str, Any]:

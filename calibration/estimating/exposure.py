@@ -6,17 +6,20 @@ arrays counted here are sufficient. Competing channels and censored waits enter 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import fsum
 from typing import NamedTuple
 
 import numpy as np
 
-from kinetics.network import Network, Tank
+from kinetics.network import Crowding, Network, Tank
+from kinetics.rates.breaks import Expansion
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints, integers, reals
 from kinetics.support.frozen import set_fields
+
+Crowd = Callable[[Expansion, Tank], Crowding | None]  # the factors on the channels of a network in a tank
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +86,15 @@ def meetings(network: Network, measured: Tank | None, wanted: Tank | None) -> Fl
     return np.asarray(wanted.dilution(measured) ** (order - 1))
 
 
+def crowding_of(crowd: Crowd | None, expansion: Expansion, tank: Tank | None) -> Crowding | None:
+    """The factors in the tank of a run; None for mass action. ValueError: crowding, and a tank that is not known."""
+    if crowd is None:
+        return None
+    if tank is None:
+        raise ValueError("a run without its tank; crowding depends on the volume: state the edges of the tank")
+    return crowd(expansion, tank)
+
+
 def require_tanks(paths: Iterable[JumpPath]) -> None:
     """ValueError if only some of the runs state their tank."""
     if len({path.tank is None for path in paths}) > 1:
@@ -119,10 +131,11 @@ def sojourns(path: JumpPath) -> Sojourns:
     return Sojourns(edges[:-1], edges[1:], np.maximum.accumulate(np.concatenate(([0.0], restarts))))
 
 
-def count(path: JumpPath, ages: tuple[float, float] = (0.0, np.inf)) -> Exposure:
+def count(path: JumpPath, ages: tuple[float, float] = (0.0, np.inf), crowding: Crowding | None = None) -> Exposure:
     """Count events and exposure of one path; waits that the end cut short count in full.
 
     ages : limits (a, b), tu; count only ages a <= t < b, the age being the time since the start or the last restart
+    crowding : factors on the propensities in the tank of the run; None for mass action
 
     A restart puts the state back to the initial one and is no event. Channels that were not open (`open_channels`)
     gather no exposure. Cost: linear in events times channels. ValueError: limits that are no ages
@@ -140,7 +153,10 @@ def count(path: JumpPath, ages: tuple[float, float] = (0.0, np.inf)) -> Exposure
     begin, end, origin = sojourns(path)
     waits = np.minimum(end, origin + upper) - np.maximum(begin, origin + lower)
     network = path.network
-    exposure = network.ways * (np.clip(waits, 0.0, None) @ network.combinations_of(path.states))
+    combinations = network.combinations_of(path.states)
+    if crowding is not None:
+        combinations = combinations * crowding.factors(path.states)
+    exposure = network.ways * (np.clip(waits, 0.0, None) @ combinations)
     exposure = np.where(path.open_channels, exposure, 0.0)
     age = path.times - origin[:-1]
     fired = path.channels[(path.channels != RESTART) & (lower <= age) & (age < upper)]

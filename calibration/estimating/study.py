@@ -10,9 +10,13 @@ from typing import Any
 from calibration.estimating.break_comparison import BreakComparison, rates_with_breaks
 from calibration.estimating.class_calibration import BookRuns, ClassCalibration, calibrate_classes
 from calibration.estimating.class_spread import ClassSpread, class_spreads
+from calibration.estimating.crowding_comparison import CrowdingComparison, crowding_terms
 from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
-from kinetics.rates import ClassRates, Rates
+from calibration.estimating.exposure import Crowd
+from calibration.estimating.hits import RunHits
+from kinetics.rates import ClassRates, CrowdingTerms, Rates
+from kinetics.rates.crowding import ConvexBodies
 from kinetics.runs import JumpPath
 from kinetics.support.arrays import Ints
 
@@ -28,6 +32,8 @@ class CalibrationStudy:
     breaks : name of a break model, or `auto` for the one that the runs choose; None: breaks as they were counted
     within : tu, longest time between the two breaks of one collision; None if the runs do not resolve it
     bonds : per run (E, 2), the two cubes of each event; None where they are not known
+    crowding : name of a model of crowding, or `auto` for the one that logged hits choose
+    hits, bodies : the runs' logs of hits, and the geometry of all species; none where they are not known
     problems : a message for each run that was left out
     """
 
@@ -39,17 +45,45 @@ class CalibrationStudy:
     breaks: str | None = None
     within: float | None = None
     bonds: Sequence[Ints] | None = None
+    crowding: str = "none"
+    hits: Sequence[RunHits] = ()
+    bodies: ConvexBodies | None = None
     problems: Sequence[str] = ()
 
     @cached_property
     def calibration(self) -> Calibration:
         """Pooled events and exposures of all channels."""
-        return estimate(self.paths)
+        return estimate(self.paths, self._crowd)
+
+    @cached_property
+    def crowding_models(self) -> CrowdingComparison | None:
+        """Models of crowding fitted to logged hits; None if none was asked for, or no hits were logged."""
+        if self.crowding == "none" or not self.hits or self.bodies is None:
+            return None
+        return CrowdingComparison.of(self.hits, self.bodies)
+
+    @cached_property
+    def crowding_terms(self) -> CrowdingTerms | None:
+        """The crowding under which all rates are measured; None for mass action.
+
+        ValueError: a model that logged hits must fit, or one of hard bodies whose geometry is not known.
+        """
+        if self.crowding == "none":
+            return None
+        return crowding_terms(self.crowding, self.crowding_models, self.bodies, self.paths[0].network.species)
+
+    @property
+    def _crowd(self) -> Crowd | None:
+        return None if self.crowding_terms is None else self.crowding_terms.crowding
 
     @cached_property
     def break_models(self) -> BreakComparison | None:
         """Break models fitted to the runs; None if none was asked for, or nothing breaks."""
-        return None if self.breaks is None else BreakComparison.asked_for(self.breaks, self.paths, self.within)
+        return (
+            None
+            if self.breaks is None
+            else BreakComparison.asked_for(self.breaks, self.paths, self.within, self._crowd)
+        )
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -64,8 +98,9 @@ class CalibrationStudy:
             **self.evidence,
             "doubtful_tests": self.diagnosis.doubtful,
             **({"coarse_looks": looks.sentence} if looks.channels else {}),
+            **({} if self.crowding_models is None else {"crowding": self.crowding_models.reason}),
         }
-        return rates_with_breaks(self.calibration, self.break_models, evidence)
+        return rates_with_breaks(self.calibration, self.break_models, evidence, self.crowding_terms)
 
     def to_dict(self) -> dict[str, Any]:
         """Rates, break models, diagnostics and evidence, ready for JSON."""
@@ -76,6 +111,7 @@ class CalibrationStudy:
             "not_seen": self.calibration.not_seen,
             "not_measured": self.rates.not_measured,
             "breaks": None if self.break_models is None else self.break_models.to_dict(),
+            "crowding": None if self.crowding_models is None else self.crowding_models.to_dict(),
             "evidence": self.rates.evidence,
             "diagnostics": self.diagnosis.to_dict(),
             "problems": self.problems,

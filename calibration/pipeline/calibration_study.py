@@ -11,14 +11,14 @@ import numpy as np
 
 from calibration.estimating.class_calibration import BookRuns
 from calibration.estimating.study import CalibrationStudy, ClassStudy
-from calibration.pipeline.logged_hits import path_of
+from calibration.pipeline.logged_hits import bodies_in, logged_hits, path_of
 from calibration.pipeline.study_runs import StudyRuns, bonds_of, made
 from kinetics.assembly import RuleBook
 from kinetics.runs import JumpPath
 from mechsim.effects import EFFECTS
 from mechsim.runs.ensemble import Outcome
 from mechsim.runs.executors import Executor
-from mechsim.runs.record import RunRecord, book_of, kinds
+from mechsim.runs.record import PHYSICS, RunRecord, book_of, kinds
 from mechsim.runs.species import some_of
 from mechsim.scene import Scene
 
@@ -50,12 +50,14 @@ def run_calibration(
     folder: str | Path,
     *,
     breaks: str | None = None,
+    crowding: str = "auto",
     workers: int | Executor = 1,
     progress: bool | None = None,
 ) -> CalibrationStudy:
     """Make the missing calibration runs and read the others.
 
     breaks : name of a break model in the place of the plan's, such as that of its control, or `auto`
+    crowding : name of a model of crowding, or `auto` for the one that logged hits choose
 
     ValueError: a scene that does not pass `check_measurable`; no run reached its end.
     """
@@ -86,6 +88,9 @@ def run_calibration(
         breaks=breaks or ("auto" if plan is None else plan.breaks),
         within=2 * scene.numerics.step,
         bonds=bonds_of(sound),
+        crowding=crowding,
+        hits=logged_hits(sound),
+        bodies=bodies_in(sound[0]),
         problems=outcome.problems,
     )
 
@@ -144,5 +149,6 @@ def evidence_of(outcome: Outcome, packages: Iterable[str]) -> dict[str, Any]:
         "runs_left_out": len(outcome.problems),
         "runs_digest": outcome.digest,
         "cpu_seconds": round(outcome.cpu_seconds, 1),
+        "physics": PHYSICS,
         "versions": {name: version(name) for name in ("wellmixed", *packages)},
     }

@@ -39,7 +39,8 @@ class Forecast:
         ValueError: rates of another network, or another tank than theirs, which they do not state.
         """
         rng = np.random.default_rng(seed)
-        return cls(rates.expansion(network), rates.draw_constants(network, rng, draws, tank), seed)
+        expansion = rates.crowded(rates.expansion(network), tank)
+        return cls(expansion, rates.draw_constants(network, rng, draws, tank), seed)
 
     def scaled(self, factors: ArrayLike) -> Self:
         """A copy of the forecast with the rates of each channel of the rule book multiplied by `factors` (R,)."""

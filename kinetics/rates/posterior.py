@@ -199,6 +199,10 @@ class AppliedRates:
         """
         raise NotImplementedError
 
+    def crowded(self, expansion: Expansion, tank: Tank | None) -> Expansion:  # noqa: ARG002
+        """The expansion with the factors of the crowd in the tank of use; as it is if these rates have none."""
+        return expansion
+
     def known(self, network: Network) -> tuple[dict[str, MeasuredRate], Floats | None]:
         """The rates behind the channels by name, and their shares in each, see `RatesPosterior`."""
         raise NotImplementedError
@@ -213,13 +217,13 @@ class AppliedRates:
         ValueError: the two do not have the same channels (in any order), the fingerprints differ, or another tank is
         asked for and this table does not state its own.
         """
-        expansion = self.expansion(network)
+        expansion = self.crowded(self.expansion(network), tank)
         constants = expansion.constants(expansion.base.known_rates, self.breaks.weights(expansion.base))
         return expansion.network.with_rates(constants * expansion.scales(self.measured_in, tank))
 
     def posterior(self, network: Network, tank: Tank | None = None) -> RatesPosterior:
         """The posterior of the parameters behind the rate constants of `apply(network, tank)`."""
-        expansion = self.expansion(network)
+        expansion = self.crowded(self.expansion(network), tank)
         known, shares = self.known(network)
         scales = expansion.scales(self.measured_in, tank)
         return RatesPosterior(expansion, self.breaks, tuple(known), tuple(known.values()), scales, shares)

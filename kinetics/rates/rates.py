@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta, field
 
-from kinetics.network import Network
+from kinetics.network import Network, Tank
 from kinetics.rates.break_terms import BreakTerms
 from kinetics.rates.breaks import Expansion
+from kinetics.rates.crowding_terms import CrowdingTerms
 from kinetics.rates.measured import MeasuredRate
 from kinetics.rates.posterior import AppliedRates
 from kinetics.support.config import find, read_toml, write_toml
@@ -69,6 +71,7 @@ class Rates(Settings, AppliedRates):
 
     channels : channel name -> ChannelRate; of a break the coefficient b per partner of weight 1
     breaks : the break model; by default breaks are of first order
+    crowding : how crowds change rates; None for mass action
     tank : edges of the tank in which the constants hold; None: not known, so that they cannot be used in another
     network : fingerprint of the network they were measured for, where it was recorded
     evidence : table of free form that says where the rates come from (scene, seeds, cost, versions, notes)
@@ -84,6 +87,7 @@ class Rates(Settings, AppliedRates):
     convention: Convention
     tank: tuple[float, float, float] | None = None
     breaks: BreakTerms = BreakTerms()
+    crowding: CrowdingTerms | None = None
     channels: Annotated[dict[str, ChannelRate], Meta(min_length=1)]
     network: str | None = None
     evidence: dict[str, Any] = field(default_factory=dict)
@@ -110,6 +114,18 @@ class Rates(Settings, AppliedRates):
         self.breaks.check(base)
         self._check_exposures(base)
         return Expansion.of(base, self.breaks.break_model)
+
+    def crowded(self, expansion: Expansion, tank: Tank | None) -> Expansion:
+        """The expansion with the factors of the crowd in the tank of use; None for that of the rates."""
+        if self.crowding is None:
+            return expansion
+        used = tank or self.measured_in
+        if used is None:
+            raise ValueError(
+                "these rates depend on how crowded the tank is, and do not state theirs; give the tank, or state its "
+                "edges as `tank` in the rates file"
+            )
+        return replace(expansion, network=replace(expansion.network, crowding=self.crowding.crowding(expansion, used)))
 
     def known(self, network: Network) -> tuple[dict[str, MeasuredRate], None]:
         """The rate of each channel, which belongs to it alone."""

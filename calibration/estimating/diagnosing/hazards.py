@@ -68,7 +68,8 @@ def _of_rates(rates: Rates, network: Network, tank: Tank | None) -> Hazard:
 
     def hazard(path: JumpPath) -> Floats:
         scales = expansion.scales(rates.measured_in or tank, path.tank)
-        each = expansion.network.combinations_of(path.states) * rates_here * scales
+        crowded = rates.crowded(expansion, path.tank or tank).network
+        each = crowded.combinations_of(path.states) * rates_here * scales
         found = np.zeros((len(each), len(network.channels)))
         np.add.at(found.T, expansion.base_of, each.T)
         return found
