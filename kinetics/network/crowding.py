@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import factorial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinetics.network.network import Network
 from kinetics.support.arrays import Floats, reals
 from kinetics.support.frozen import set_fields
+
+if TYPE_CHECKING:
+    from kinetics.network.laws import Expression
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +50,6 @@ class Crowding:
             coefficients=reals("coefficients", self.coefficients, (None, None), minimum=0),
         )
 
-    def check(self, shape: tuple[int, int]) -> None:
-        """ValueError if the factors are not those of (R, S) channels and species."""
-        found = len(self.coefficients), self.weights.size
-        if found != shape:
-            raise ValueError(f"crowding of {found} channels and species; the network has {shape}")
-
     def factors(self, states: ArrayLike) -> Floats:
         """Factors (..., R) on the propensities in states (..., S). ValueError: the bodies fill the tank."""
         counts = np.asarray(states, dtype=float)
@@ -64,3 +64,48 @@ class Crowding:
         for column in self.coefficients.T[:0:-1]:
             found = found * z + column
         return np.asarray(found / free[..., None] + self.coefficients[:, 0])
+
+    def laws(self, network: Network) -> dict[str, Expression]:
+        """The rate laws of the channels that the crowd changes: combinations of reactants times the factor.
+
+        A network with these laws is sampled by `general` and solved like any other with rate laws, with their proven
+        bounds on rounding. Cost: linear in channels times species. ValueError: factors of another network.
+
+        >>> from kinetics.network import Crowding, Network
+        >>> pairs = Network.from_text("hit: AA + A -> 3 A, 0.1")
+        >>> Crowding([0.0, 0.0], [0.1, 0.2], [[0.5, 1.0]]).laws(pairs)["hit"].text
+        'AA * A * (0.5 + (1) / (1 - (0.1 * AA + 0.2 * A)))'
+        """
+        from kinetics.network.laws import Expression
+        from kinetics.network.laws.writing import quoted
+
+        found = len(self.coefficients), self.weights.size
+        if found != (len(network.channels), len(network.species)):
+            raise ValueError(f"factors for {found[0]} channels among {found[1]} species; {network.headline}")
+        names = [quoted(name) for name in network.species]
+        free, surface = f"(1 - ({_sum(self.volumes, names)}))", f"({_sum(self.weights, names)})"
+        laws = {}
+        for channel, (first, *rest) in enumerate(self.coefficients.tolist()):
+            if first == 1.0 and not any(rest):
+                continue
+            places, copies = (part.tolist() for part in network.sparse_reactants.row(channel))
+            taken = [_taken(names[s], n, network.combinations) for s, n in zip(places, copies, strict=True)]
+            # Horner's rule in s / (1 - phi)
+            inner = ""
+            for number in reversed(rest):
+                inner = f"{number!r} + {surface} / {free} * ({inner})" if inner else f"{number:.17g}"
+            laws[network.channels[channel]] = Expression(" * ".join([*taken, f"({first!r} + ({inner or 0}) / {free})"]))
+        return laws
+
+
+def _sum(weights: Floats, names: list[str]) -> str:
+    """A weighted sum of counts as text."""
+    return " + ".join(f"{w!r} * {name}" for w, name in zip(weights.tolist(), names, strict=True) if w) or "0"
+
+
+def _taken(name: str, copies: int, counted: str) -> str:
+    """Combinations of like copies as text, see `propensity.COMBINATIONS`."""
+    if counted == "product":
+        return " * ".join([name] * copies)
+    ordered = " * ".join([name, *(f"({name} - {i})" for i in range(1, copies))])
+    return ordered if counted == "ordered" or copies < 2 else f"{ordered} / {factorial(copies)}"

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from kinetics.network.sparse_tables import SparseTable
 
 if TYPE_CHECKING:
-    from kinetics.network.crowding import Crowding
     from kinetics.network.laws.events import Event
     from kinetics.network.laws.expression import Expression
 
@@ -24,15 +23,12 @@ def fingerprint(
     laws: Mapping[str, Expression],
     events: Sequence[Event],
     at_zero: str,
-    crowding: Crowding | None = None,
 ) -> str:
-    """SHA-256 of a network without its rates; laws, events, `at_zero` and crowding count only if there are any."""
+    """SHA-256 of a network without its rates; laws, events and `at_zero` count only if there are any."""
     is_small = len(channels) * len(species) <= MAX_DENSE
     entries = [table.dense().tolist() if is_small else [table.keys.tolist(), table.copies.tolist()] for table in tables]
     content: list[Any] = [species, channels, *entries]
     if laws or events:
         texts = [[name, law.text, sorted(law.parameters.items())] for name, law in laws.items()]
         content += [texts, [repr(event) for event in events], at_zero]
-    if crowding is not None:
-        content += [crowding.weights.tolist(), crowding.volumes.tolist(), crowding.coefficients.tolist()]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()

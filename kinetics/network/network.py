@@ -25,7 +25,6 @@ from kinetics.network.checks import (
     checked_table,
     some_names,
 )
-from kinetics.network.crowding import Crowding
 from kinetics.network.fingerprint import fingerprint
 from kinetics.network.laws.on_demand import channel_laws, checked_events, checked_laws, split_rates
 from kinetics.network.parameters import Parameters
@@ -61,7 +60,6 @@ class Network(Shown):
     conserved : name of a quantity -> its amount (S,) in one copy of each species; no channel changes the total
     laws : channel -> rate law that takes the place of h; the other channels follow mass action
     events : assignments to counts, made when their conditions become true
-    crowding : factors on the propensities that depend on the state; None for none
     at_zero : what is done if a rate law is above 0 although reactants are missing, one of `AT_ZERO`
     given : parameters, and what follows from them: rate constants, which are then computed, and counts at time 0
     time_unit : name of the unit of time, for tables and axes; "" if none is stated
@@ -90,7 +88,6 @@ class Network(Shown):
     at_zero: str = "block"
     given: Parameters = field(default_factory=Parameters)
     time_unit: str = ""
-    crowding: Crowding | None = None
 
     def __post_init__(self) -> None:
         species, channels = checked_names("species", self.species), checked_names("channels", self.channels)
@@ -101,8 +98,6 @@ class Network(Shown):
         change = checked_table("stoichiometry", self.sparse_stoichiometry, shape)
         check_no_overdraft(species, channels, needed, change)
         set_fields(self, species=species, channels=channels, sparse_reactants=needed, sparse_stoichiometry=change)
-        if self.crowding is not None:
-            self.crowding.check(shape)
         laws = checked_laws(self.laws, self.channel_places, self.species_places)
         self.given.check(channels, species, laws)
         known = self.given.constants(self.channel_places, self.rate_constants)
@@ -233,7 +228,7 @@ class Network(Shown):
     def fingerprint(self) -> str:
         """SHA-256 over species, channels, reactants, stoichiometry, rate laws and events, not rate constants."""
         tables = (self.sparse_reactants, self.sparse_stoichiometry)
-        return fingerprint(self.species, self.channels, tables, self.laws, self.events, self.at_zero, self.crowding)
+        return fingerprint(self.species, self.channels, tables, self.laws, self.events, self.at_zero)
 
     def index(self, species: str) -> int:
         """Position of a species by its name."""
@@ -250,8 +245,8 @@ class Network(Shown):
 
     @property
     def is_mass_action(self) -> bool:
-        """True if every channel follows mass action, uncrowded, and there are no events."""
-        return not self.laws and not self.events and self.crowding is None
+        """Whether every channel follows mass action and there are no events."""
+        return not self.laws and not self.events
 
     @cached_property
     def channel_laws(self) -> dict[str, ChannelLaw]:
@@ -259,7 +254,7 @@ class Network(Shown):
         return channel_laws(self.laws, self.channel_places, self.species_places, self.sparse_reactants, self.at_zero)
 
     def combinations_of(self, states: ArrayLike, time: float | None = None) -> Floats:
-        """The factor h (..., R) in states (..., S): combinations times crowding, or the rate law at a time, tu."""
+        """The factor h (..., R) in states (..., S): combinations of reactants, or the rate law at a time, tu."""
         counts = np.asarray(states)
         if counts.ndim == 0 or counts.shape[-1] != len(self.species):
             raise ValueError(f"states have shape {counts.shape}; expected (..., {len(self.species)})")
@@ -268,7 +263,7 @@ class Network(Shown):
             check_homogeneous(self)
         for name, law in self.channel_laws.items():
             h[..., self.channel_places[name]] = law.values(counts, time or 0.0)
-        return h if self.crowding is None else h * self.crowding.factors(counts)
+        return h
 
     def propensities(self, states: ArrayLike, time: float | None = None) -> Floats:
         """Propensities k * N * h (..., R), 1/tu, in states (..., S); give the time, tu, if rate laws depend on it."""

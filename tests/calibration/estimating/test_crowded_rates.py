@@ -35,7 +35,7 @@ def crowded_network(tank):
     found = Expansion.of(LINE, WALLS)
     coefficients = np.where(is_break(LINE), 3e-4, 2e-4)
     constants = found.constants(coefficients, WALLS.weights(LINE, SHAPE)) * found.scales(USUAL, tank)
-    return found, replace(found.network.with_rates(constants), crowding=TERMS.crowding(found, tank))
+    return found, replace(found.network.with_rates(constants), laws=TERMS.crowding(found, tank).laws(found.network))
 
 
 def sampled(tank, seed, end=40.0):
