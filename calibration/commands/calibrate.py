@@ -89,7 +89,7 @@ def _words(ctx: click.Context, param: click.Parameter, words: tuple[str, ...]) -
 @click.option(
     "--crowding",
     metavar="auto|NAME",
-    default="auto",
+    default="none",
     show_default=True,
     help="How breaks by bodies and by walls depend on the crowd: a model of crowding (none, linear, hard-bodies, "
     "three-body), or auto for those that logged hits choose, for breaks and for joins; none without logged hits.",

@@ -50,7 +50,7 @@ def run_calibration(
     folder: str | Path,
     *,
     breaks: str | None = None,
-    crowding: str = "auto",
+    crowding: str = "none",
     workers: int | Executor = 1,
     progress: bool | None = None,
 ) -> CalibrationStudy:
