@@ -19,10 +19,10 @@ from kinetics.rates.crowding import (
     SOURCES,
     ConvexBodies,
     CrowdingModel,
-    SourceName,
     crowding_in,
     crowding_model,
 )
+from kinetics.rates.crowding.base import SourceName
 from kinetics.rates.crowding_terms import BodyGeometry, CrowdingTerms
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.progress import stage
@@ -33,7 +33,6 @@ from kinetics.support.shown import ResultTable, Shown, on_axes
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-HITS: tuple[SourceName, ...] = ("bodies", "walls")
 FEWEST = 5.0  # events expected in a tank that enters chi-square
 
 
@@ -195,26 +194,24 @@ class CrowdingComparison(Shown):
         return [tanks[run.size] for run in self.runs]
 
     @cached_property
-    def _lowest(self) -> dict[SourceName, list[HitFit]]:
-        """Every source, and every model fitted to all that was logged."""
-        return {name: [self._fit(name, model, (self.levels[0], np.inf), {}) for model in self.models] for name in HITS}
+    def _known(self) -> dict[tuple[SourceName, float, float], list[CrowdingFit]]:
+        return {}
 
     def _fitted(self, name: SourceName, above: float, up_to: float = np.inf) -> list[CrowdingFit]:
-        """All models on the events of one source, with the scatter of these events."""
-        if name == "joins":
-            fits = [self._fit(name, model, (above, up_to), {}) for model in self.models]
-        elif above == self.levels[0] and up_to == np.inf:
-            fits = self._lowest[name]
-        else:
-            fits = [
-                self._fit(name, model, (above, up_to), {} if above == self.levels[0] else low.coincidence)
-                for model, low in zip(self.models, self._lowest[name], strict=True)
+        """All models on the events of one source, with the scatter of these events; what was fitted is kept."""
+        key = name, above, up_to
+        if key not in self._known:
+            coincidences: list[dict[str, float]] = [{}] * len(self.models)
+            if name != "joins" and above > self.levels[0]:
+                coincidences = [row.fit.coincidence for row in self._fitted(name, self.levels[0])]
+            pairs = zip(self.models, coincidences, strict=True)
+            fits = [self._fit(name, model, (above, up_to), held) for model, held in pairs]
+            scatter = fits[0].own_scatter
+            rows = zip(self.models, fits, strict=True)
+            self._known[key] = [
+                CrowdingFit(name, model.name, above, replace(fit, scatter=scatter)) for model, fit in rows
             ]
-        scatter = fits[0].own_scatter
-        return [
-            CrowdingFit(name, model.name, above, replace(fit, scatter=scatter))
-            for model, fit in zip(self.models, fits, strict=True)
-        ]
+        return self._known[key]
 
     @cached_property
     def fits(self) -> list[CrowdingFit]:
@@ -279,7 +276,8 @@ class CrowdingComparison(Shown):
             rows.append(
                 (
                     fit.source, f"{fit.above:g}" if fit.above else "", fit.model, str(data["events"]), what,
-                    f"{data['chi_square']:.1f} / {data['freedom']}", f"{data['p']:.2g}",
+                    f"{data['chi_square']:.1f} / {data['freedom']}" if data["freedom"] else "-",
+                    f"{data['p']:.2g}" if data["freedom"] else "-",
                     f"{min(ratios):.2f} to {max(ratios):.2f}" if ratios else "",
                 )
             )  # fmt: skip

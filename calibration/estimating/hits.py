@@ -13,7 +13,7 @@ from calibration.estimating.exposure import sojourns
 from kinetics.network import Crowding, Tank
 from kinetics.rates.breaks import Expansion, break_model, is_break
 from kinetics.rates.breaks.base import WALL, body_sizes
-from kinetics.rates.crowding import SourceName
+from kinetics.rates.crowding.base import SourceName
 from kinetics.runs import BY_WALL, RESTART, JumpPath
 from kinetics.support.arrays import Floats, Ints, divided
 

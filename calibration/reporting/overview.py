@@ -15,6 +15,7 @@ from kinetics.support.tables import inverse, of_unit
 
 if TYPE_CHECKING:
     from calibration.estimating.break_comparison import BreakComparison
+    from calibration.estimating.crowding_comparison import CrowdingComparison
     from calibration.estimating.diagnosing.diagnosis import Diagnosis
     from calibration.estimating.estimate import Calibration
     from calibration.estimating.study import CalibrationStudy
@@ -39,6 +40,11 @@ left out of the fit: larger is better. The deviance compares observed and expect
 runs record the partner of each break, and the breaks call for a model with partners, the recorded partners choose among
 the models that can explain them: only a model with walls can explain a break by a wall. The shape parameters then come
 from the recorded partners, too.
+"""
+ABOUT_CROWDING = """
+Hits on structures, most of them too weak to break a bond, and joins are counted per exposure in each kind of tank.
+Under the right model all tanks have one rate: chi-square over the scatter between runs of one tank is then about its
+degrees of freedom. AIC: smaller is better, within one source and load.
 """
 ABOUT_VALIDATION = """
 Held-out mechanics runs from single cubes, which the rates never saw. The predicted band is that of the mean of as many
@@ -103,6 +109,7 @@ def _calibration_parts(study: CalibrationStudy) -> list[Part]:
             "Rates per combination of reactants.", partial(study.calibration.plot, references=references), name="forest"
         ),
         *breaks,
+        *([] if study.crowding_models is None else _crowding_parts(study.crowding_models)),
         *diagnosis_parts(study.diagnosis),
     ]
 
@@ -151,6 +158,18 @@ def _break_parts(compared: BreakComparison) -> list[Part]:
         Text(f"{ABOUT_BREAKS} The model {compared.chosen.model.name} is chosen: {compared.reason}."),
         ReportTable("Break models, fitted to the same runs.", rows, "breaks"),
         *([] if compared.doubles is None else [Text(f"Double breaks: {compared.doubles.sentence}.")]),
+    ]
+
+
+def _crowding_parts(compared: CrowdingComparison) -> list[Part]:
+    """Models of crowding side by side, and the tanks under each."""
+    rows = [fit.as_dict() for fit in compared.fits]
+    rows = [{key: value for key, value in row.items() if key not in {"tanks", "coincidence"}} for row in rows]
+    return [
+        Heading("What a crowd does to rates"),
+        Text(f"{ABOUT_CROWDING} Chosen: {compared.reason}."),
+        ReportTable("Models of crowding, fitted to logged hits and to joins.", rows, "crowding"),
+        ReportTable("Events in each kind of tank over those expected.", compared.table(), "crowding-tanks"),
     ]
 
 

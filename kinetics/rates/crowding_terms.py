@@ -7,7 +7,8 @@ from msgspec import field
 
 from kinetics.network import Crowding, Tank
 from kinetics.rates.breaks import Expansion
-from kinetics.rates.crowding import SOURCES, ConvexBodies, SourceName, crowding_in, crowding_model
+from kinetics.rates.crowding import SOURCES, ConvexBodies, crowding_in, crowding_model
+from kinetics.rates.crowding.base import SourceName
 from kinetics.support.settings import Positive, Settings
 
 

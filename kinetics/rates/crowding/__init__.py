@@ -1,6 +1,6 @@
 """How crowds change rates: models by name, and the geometry of bodies that they need."""
 
-from kinetics.rates.crowding.base import SOURCES, CrowdingModel, SourceName, crowding_in
+from kinetics.rates.crowding.base import SOURCES, CrowdingModel, crowding_in
 from kinetics.rates.crowding.bodies import ConvexBodies
 from kinetics.rates.crowding.models import CROWDING_MODELS, crowding_model
 from kinetics.rates.crowding.three_body import THIRD
@@ -11,7 +11,6 @@ __all__ = [
     "THIRD",
     "ConvexBodies",
     "CrowdingModel",
-    "SourceName",
     "crowding_in",
     "crowding_model",
 ]

@@ -51,6 +51,17 @@ def crowding_in(expansion: Expansion, bodies: ConvexBodies, tank: Tank, choice: 
     choice : source -> model and its parameters, for breaks by bodies, breaks by walls and joins; others have no factor
 
     Breaks that need no partner, and channels of other kinds, have no factor. Cost: linear in channels.
+
+    >>> from dataclasses import replace
+    >>> from kinetics import Network, Tank
+    >>> from kinetics.rates.breaks import Expansion, break_model
+    >>> from kinetics.rates.crowding import ConvexBodies, crowding_in, crowding_model
+    >>> pairs = replace(Network.from_text("2 A <-> AA, 0.01, 0.1"), conserved={"cubes": [1, 2]})
+    >>> cubes = ConvexBodies([0.11, 0.15], [0.135, 0.225], [0.0034, 0.0068])
+    >>> hits = {"bodies": (crowding_model("linear"), {"c": 0.5})}
+    >>> broken = Expansion.of(pairs, break_model("collision"))
+    >>> crowding_in(broken, cubes, Tank((2.0, 2.0, 3.0)), hits).factors([40, 20]).round(3).tolist()
+    [1.0, 1.432, 1.432]
     """
     network, partners = expansion.network, expansion.model.partners(expansion.base)
     found: dict[SourceName, list[list[int]]] = {name: [] for name in SOURCES}
