@@ -84,7 +84,7 @@ class HitFit:
             return start.at({p.name: p.low for p in free})
         if parameter is None or parameter.name in known:
             return start.at(dict(zip(names, least(free, [p.start for p in free], costs), strict=True)))
-        # From the model without its effect, than which the fit is never worse.
+        # The search starts at the model without the effect, so that the fit cannot be worse than that one.
         without = cls.of(source, seen, around, exposure, parameter, known | {parameter.name: parameter.low})
         begin = [parameter.start if name == parameter.name else without.values[name] for name in names]
         found = start.at(dict(zip(names, least(free, begin, costs), strict=True)))

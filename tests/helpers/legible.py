@@ -27,7 +27,7 @@ def words_of(draw_figure: Callable[[], object]) -> dict[Text, tuple[float, ...]]
 
 
 def illegible(figure, draw_figure: Callable[[], object] | None = None):
-    """What is wrong, in words, as the figure is drawn by a call, such as that which saves it; empty if nothing is."""
+    """Draw the figure, by default on a canvas of its own, and list what cannot be read in it; empty if all can."""
     boxes = words_of(draw_figure or FigureCanvasAgg(figure).draw)
     width, height = 100 * figure.get_size_inches()
     wrong = [
