@@ -118,8 +118,13 @@ class ClassRates(Settings):
         only for classes to which no other channel belongs alone.
 
         For every pair of faces and number touched an entry without sizes is added, see `general_entries`; faces and
-        numbers of which the network has none have no rate.
+        numbers of which the network has none have no rate. ValueError: rates that depend on how crowded the tank is
         """
+        if rates.crowding is not None:
+            raise ValueError(
+                "these rates depend on how crowded the tank is, and rates by class do not: calibrate with "
+                "--crowding none"
+            )
         base = rates.expansion(derivation.network).base
         at_shapes = rates.breaks.at_shapes(base)
         alone: dict[RateClass, list[_Share]] = defaultdict(list)

@@ -12,7 +12,7 @@ from synthetic_runs import line_network
 from kinetics.assembly import RuleBook, derive
 from kinetics.network import Model, Tank
 from kinetics.predicting import predict
-from kinetics.rates import ChannelRate, Convention, CrowdingTerms, Rates
+from kinetics.rates import ChannelRate, ClassRates, Convention, CrowdingTerms, Rates
 from kinetics.rates.breaks import Expansion, break_model
 from kinetics.rates.crowding import CROWDING_MODELS, SOURCES, ConvexBodies, crowding_in, crowding_model
 from kinetics.rates.crowding_terms import BodyGeometry
@@ -95,6 +95,8 @@ def test_a_rates_file_keeps_it(model, tmp_path):
     sampled = predict(few, times=[300.0], runs=2000, seed=1)
     off = abs(sampled.mean - exact.mean) / sampled.standard_error
     assert off.max() < 5.5  # a false alarm in a million for 16 such figures
+    with pytest.raises(ValueError, match="rates by class do not: calibrate with --crowding none"):
+        ClassRates.of_rates(derive(RuleBook.load("line4")), again)
     lost = again.replace(tank=None)
     with pytest.raises(ValueError, match="do not state theirs; give the tank"):
         lost.apply(LINE)
