@@ -13,7 +13,7 @@ CORE_TESTS := $(addprefix tests/kinetics/,formats markov network predicting rate
 BARE := env -i HOME="$(HOME)" PATH="$(PATH)" $(if $(CI),CI="$(CI)")
 DEMO :=  # further options of the demo
 
-.PHONY: demo test core lock lint validate faults fuzz mutation benchmarks docs study pyramid clean
+.PHONY: demo test core lock lint validate faults fuzz mutation benchmarks docs study clean
 
 demo: $(READY)
 	$(BARE) $(BIN)/wellmixed demo --folder demo-output --workers 2 $(DEMO)
@@ -67,26 +67,6 @@ study: $(READY)
 	$(BIN)/wellmixed runs loads $$($(BIN)/python -m tests.results.study_pages calibration) --json > $(STUDY)/loads.json
 	$(BIN)/wellmixed runs crowding $(STUDY)/runs --above 0.005 --above 0.006 --json > $(STUDY)/crowding.json
 	$(BIN)/python -m tests.results.study_pages
-
-# Class rates of jacks and pyramids together beside the held-out growth of pyramids, the control that knows no places, and
-# the rates of jacks alone; and the block of the page. The runs of both are read from one folder, so they are copied there.
-PYRAMID := results/pyramid45/breaking
-PYRAMID_RUNS := $(PYRAMID)/all-runs
-BOTH := classes results/jack13/plan.toml $(PYRAMID)/touched.toml --runs-folder $(PYRAMID_RUNS)
-HELD_OUT := $(PYRAMID)/touched.toml --runs-folder $(PYRAMID)/runs
-pyramid: $(READY)
-	mkdir -p $(PYRAMID_RUNS)
-	cp results/jack13/runs/format results/jack13/runs/*.run $(PYRAMID)/runs/*.run $(PYRAMID_RUNS)
-	$(BIN)/wellmixed calibrate $(BOTH) --out $(PYRAMID)/classes.toml
-	$(BIN)/wellmixed calibrate $(BOTH) --group-by event --out $(PYRAMID)/control.toml
-	rm -r $(PYRAMID_RUNS)
-	$(BIN)/wellmixed validate $(HELD_OUT) --rates $(PYRAMID)/classes.toml --plot $(PYRAMID)/growth.svg --json \
-		> $(PYRAMID)/growth.json
-	$(BIN)/wellmixed validate $(HELD_OUT) --rates $(PYRAMID)/control.toml --json \
-		> $(PYRAMID)/control.json
-	$(BIN)/wellmixed validate $(HELD_OUT) --rates results/jack13/classes.toml --groups 99 --json \
-		> $(PYRAMID)/by_jacks.json
-	$(BIN)/python -m tests.results.pyramid_page
 
 # Every package by its hash, the one that builds ours among them; then ours.
 $(READY): pyproject.toml requirements.lock $(wildcard kinetics/native/c/*)

@@ -169,9 +169,12 @@ def test_calibrate(place, calibrated):
     data = calibrated.json
     assert [row["channel"] for row in data["channels"]] == CHANNELS
     assert [row["ways"] for row in data["channels"]] == [4, 4, 4, 4, 1, 2, 2, 1]
-    for row in data["channels"]:
+    measured = [row for row in data["channels"] if row["channel"] not in data["not_measured"]]
+    assert len(measured) >= 6  # quadmers may not come up in such short runs
+    for row in measured:
         assert 0 <= row["low"] <= row["rate"] <= row["high"]
         assert row["rate"] == pytest.approx(row["events"] / row["exposure"])
+    assert all((row["exposure"], row["rate"]) == (0, None) for row in data["channels"] if row not in measured)
     assert data["problems"] == []
     rates = tomllib.loads((place / "rates.toml").read_text(encoding="utf-8"))
     assert rates["convention"]["combinations"] == "distinct"
@@ -185,7 +188,7 @@ def test_calibrate(place, calibrated):
     assert diagnostics["doubtful"] == rates["evidence"]["doubtful_tests"]
     report = (place / "calibration.html").read_text(encoding="utf-8")
     assert "Rates of line4" in report
-    assert data["not_seen"] == [row["channel"] for row in data["channels"] if row["events"] == 0] != []
+    assert data["not_seen"] == [row["channel"] for row in measured if row["events"] == 0] != []
     assert html.escape(f"Not seen: {', '.join(data['not_seen'])}. ") in report
     for words in (diagnostics["verdict"], *(row["verdict"] for row in diagnostics["by_test"])):
         assert html.escape(words) in report

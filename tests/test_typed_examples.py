@@ -27,7 +27,7 @@ mean: float = float(simulate(network, "ssa", start, [1.0, 2.0], runs=10)["AB"].m
 solve(network, Transient(), start, [1, 2]).to_xarray()
 simulate(network, Direct(), network.initial, [1.0])[0:1].to_dataframe()
 first_passage(network, start, "AB").quantile(0.5)
-predict(network, None, start, [1.0]).plot()
+predict(Model.of(network, start), None, [1.0]).plot()
 stationary(network, start).mean()
 sample_path(network, start, 1.0).to_parquet("path.parquet")
 scan(Model.of(network, start), values, ["E[AB] @ 1"]).numbers("value")

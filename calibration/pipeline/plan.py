@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
@@ -27,14 +27,17 @@ class Tanks(Settings):
     runs, duration : how many, and how long each, tu
     restart : whether a tank is put back to its composition after every event
     along : for the reader, the time on the predicted path at which the composition is expected, tu
+    engine : of the mechanics; None for the scene's own
     """
 
+    unless_usual: ClassVar[tuple[str, ...]] = ("engine",)
     composition: Annotated[dict[str, Annotated[int, Meta(ge=0)]], Meta(min_length=1)]
     tank: tuple[float, float, float] | None = None
     runs: AtLeastOne
     duration: Positive
     restart: bool = False
     along: float | None = None
+    engine: str | None = None
 
 
 class PlannedRuns(Settings):
@@ -50,14 +53,17 @@ class VerdictRules(Settings):
     p_row : smallest predictive p-value of any row of seen and expected events
     ratio, from_events : range of seen / expected wherever at least `from_events` events are expected
     pooled_ratio : the same over all sizes together, for joins and for breaks, of which as many must be expected
+    pooled_breaks : that of breaks, where it is another
     p_pit : smallest p-value of the randomised PIT over all single runs
-    control : a break model that must fail these rules
+    control : a break model that must fail these rules; where the plan has a crowding, so must rates without it
     """
 
+    unless_usual: ClassVar[tuple[str, ...]] = ("pooled_breaks",)
     p_row: float = 0.01
     ratio: tuple[float, float] = (0.85, 1.15)
     from_events: float = 150.0
     pooled_ratio: tuple[float, float] = (0.9, 1.1)
+    pooled_breaks: tuple[float, float] | None = None
     p_pit: float = 0.05
     control: str = "first-order"
 
@@ -68,14 +74,17 @@ class StudyPlan(Settings):
     scene : name or file; in the file of a plan, a path is relative to the folder of that file
     log_above : loads on bonds above this are logged in every run, see the effect `breaking`; None: no log
     breaks : name of a break model, or `auto` for the one that the calibration runs choose
+    crowding : name of a model of crowding, or `auto` for those that hits logged in the calibration runs choose
     purpose : for the reader, what the plan is to find out and how its numbers were chosen
     """
 
+    unless_usual: ClassVar[tuple[str, ...]] = ("crowding",)
     name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*\Z", max_length=80)]
     purpose: str = ""
     scene: str
     log_above: Positive | None = None
     breaks: str = "auto"
+    crowding: str = "none"
     calibration: PlannedRuns
     held_out: PlannedRuns
     verdict: VerdictRules = VerdictRules()
@@ -111,8 +120,10 @@ class StudyPlan(Settings):
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def scene_of(self, tanks: Tanks) -> Scene:
-        """The scene of some runs: the plan's, with their tank and with the log of loads."""
+        """The scene of some runs: the plan's, with their tank, their engine and the log of loads."""
         scene = Scene.load(self.scene)
+        if tanks.engine is not None:
+            scene = scene.replace(numerics=scene.numerics.replace(engine=tanks.engine))
         if self.log_above is not None:
             scene = scene.changed("breaking", log_above=self.log_above)
         return in_tank(scene, tanks.tank)

@@ -15,7 +15,7 @@ from calibration.pipeline.plan import StudyPlan
 from kinetics.rates import Rates
 
 ROOT = Path(__file__).parents[2]
-STUDIES = {name: ROOT / "results" / name for name in ("line4", "t5", "s4", "plate2x2")}
+STUDIES = {name: ROOT / "results" / name for name in ("line4", "t5")}
 
 
 class Study:

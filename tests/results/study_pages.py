@@ -23,7 +23,6 @@ from kinetics.runs import BY_SEVERAL, BY_WALL, NO_BREAK
 from mechsim.inspection.poses import record_at
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
-from tests.results.new_studies import made_for_new, planned_by_new, purpose
 from tests.results.paper_estimator import paper_estimate
 from tests.results.studies import ROOT, STUDIES, Study, bullets, cubes_in, listed, one, only, paragraph, ratio, table
 
@@ -411,9 +410,6 @@ def beside_the_paper(study: Study) -> str:
 
 
 BLOCKS: dict[str, Callable[[Study], str]] = {
-    "purpose": purpose,
-    "planned": planned_by_new,
-    "all": made_for_new,
     "plan": planned,
     "made": made,
     "rates": rate_table,

@@ -84,36 +84,40 @@ def _text(former: Any, descriptor: int) -> io.TextIOWrapper:
     return io.TextIOWrapper(buffer, encoding, errors, newline="\n", line_buffering=by_line)
 
 
-def heed_sigterm() -> None:
-    """Let SIGTERM interrupt as Ctrl-C does, by the same handlers; also where the shell has Ctrl-C ignored (`&`)."""
-    if not _is_main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+def heed_interrupts() -> None:
+    """Let SIGTERM interrupt as Ctrl-C does, by the same handlers; also where the shell has Ctrl-C ignored (`&`).
+
+    Python drops what a `__del__` raises. An interrupt that comes there is sent again, and of an object that an
+    interrupt left half made nothing is said.
+    """
+    if not _is_main_thread():
         return
+    ignored = signal.getsignal(signal.SIGINT) == signal.SIG_IGN
     asked: list[int] = []
+    heard: list[int] = []
 
     def end(number: int, _: object) -> None:
         asked.append(number)
         signal.raise_signal(signal.SIGINT)
 
-    def interrupt_if_asked(*_: object) -> None:
-        if asked:
+    def interrupt(number: int, _: object) -> None:
+        if asked or not ignored:
+            heard.append(number)
             raise KeyboardInterrupt
 
-    signal.signal(signal.SIGTERM, end)
-    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
-        signal.signal(signal.SIGINT, interrupt_if_asked)
-
-
-def heed_lost_interrupts() -> None:
-    """Interrupt again if Ctrl-C came as Python cleaned up, where it drops every exception (in a `__del__`, say)."""
+    if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, end)
+    if ignored or signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
     before = sys.unraisablehook
 
-    def again(lost: Any) -> None:
+    def dropped(lost: Any) -> None:
         if issubclass(lost.exc_type, KeyboardInterrupt) and _is_main_thread():
             threading.Timer(0.01, os.kill, (os.getpid(), signal.SIGINT)).start()  # here it would be dropped once more
-        else:
+        elif not heard:
             before(lost)
 
-    sys.unraisablehook = again
+    sys.unraisablehook = dropped
 
 
 def exit_code(code: int) -> int:
@@ -138,8 +142,7 @@ def _lost() -> OSError | None:
 def run(main: click.Command, args: Sequence[str] | None = None, **named: Any) -> NoReturn:
     """Run a command as all that this process does, and end it with the command's exit code."""
     own_streams()
-    heed_sigterm()
-    heed_lost_interrupts()
+    heed_interrupts()
     try:
         code = exit_code(_outcome(main, args, named))
         for number in (signal.SIGINT, signal.SIGTERM):  # from here on they end it at once, without a traceback

@@ -5,7 +5,6 @@ from __future__ import annotations
 from kinetics.kernels.compiled import load_cached
 from mechsim.kernels import (
     contact,
-    contact_manifolds,
     contact_solver,
     contact_step,
     fluid,
@@ -15,4 +14,4 @@ from mechsim.kernels import (
     narrow_phase,
 )
 
-load_cached(contact, contact_manifolds, contact_solver, contact_step, fluid, forces, loads, motion, narrow_phase)
+load_cached(contact, contact_solver, contact_step, fluid, forces, loads, motion, narrow_phase)

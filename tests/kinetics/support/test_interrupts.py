@@ -84,3 +84,33 @@ def test_an_interrupt_is_heard_during_a_call_that_goes_on():
     out, err = process.communicate(timeout=50)
     assert (out, err, process.returncode) == ("heard\n", "", 130)
     assert os.times().elapsed - began < 50  # it would sleep for a minute
+
+
+HALF_MADE = """
+import os, signal, sys
+from kinetics.support.cli.process import heed_interrupts
+
+class Half:
+    def __init__(self, number):
+        if number:
+            os.kill(os.getpid(), number)
+        self.whole = True
+    def __del__(self):
+        self.missing
+
+heed_interrupts()
+try:
+    Half(getattr(signal, sys.argv[1], 0))
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+@pytest.mark.parametrize(
+    ("number", "said", "told"), [("SIGINT", "interrupted\n", 0), ("SIGTERM", "interrupted\n", 0), ("none", "", 1)]
+)
+def test_nothing_is_said_of_what_an_interrupt_left_half_made(number, said, told):
+    """Control: without an interrupt, what a `__del__` raises is told."""
+    done = subprocess.run([sys.executable, "-c", HALF_MADE, number], capture_output=True, text=True, check=True)
+    assert done.stdout == said
+    assert done.stderr.count("AttributeError") == told

@@ -36,8 +36,8 @@ def test_a_log_changes_nothing_that_happens(record):
     }  # fmt: skip
     assert "log_above" not in str(plain.spec.inputs)
     assert record.spec.key != plain.spec.key
-    # Control: another grace does change it.
-    other = execute(replace(plain.spec, scene=plain.spec.scene.changed("breaking", grace=0.0, threshold=0.0031)))
+    # Control: another threshold does change it.
+    other = execute(replace(plain.spec, scene=plain.spec.scene.changed("breaking", threshold=0.0036)))
     assert not np.array_equal(other.arrays["centres"], plain.arrays["centres"])
 
 
