@@ -89,10 +89,9 @@ def _words(ctx: click.Context, param: click.Parameter, words: tuple[str, ...]) -
 @click.option(
     "--crowding",
     metavar="auto|NAME",
-    default="none",
-    show_default=True,
     help="How breaks by bodies and by walls depend on the crowd: a model of crowding (none, linear, hard-bodies, "
-    "three-body), or auto for those that logged hits choose, for breaks and for joins; none without logged hits.",
+    "three-body), or auto for those that logged hits choose, for breaks and for joins; none without logged hits.  "
+    "[default: the plan's, or none]",
 )
 @heading("For rates by class")
 @default_option(
@@ -145,7 +144,7 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
 
     if how["breaks"] not in (None, "auto"):
         break_model(how["breaks"])
-    if how["crowding"] != "auto":
+    if how["crowding"] not in (None, "auto"):
         crowding_model(how["crowding"])
     mode, *sources = words
     study: CalibrationStudy | ClassStudy

@@ -10,7 +10,7 @@ import click
 from click.core import ParameterSource
 
 from kinetics.support.cli.declared import count_option, default_option
-from kinetics.support.cli.failures import INCOMPLETE
+from kinetics.support.cli.failures import BROKEN, INCOMPLETE
 from kinetics.support.cli.options import in_a_folder, table_of
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -71,9 +71,9 @@ def refuse_what_a_plan_fixes(plan: str, *names: str) -> None:
             raise ValueError(f"{given[name]} is fixed by the plan {plan}; leave it out, or change the plan")
 
 
-def leave(problems: Sequence[str]) -> None:
-    """Say what went wrong in single runs, with exit code 4."""
+def leave(problems: Sequence[str], is_broken: bool = False) -> None:
+    """Say what went wrong in single runs, with exit code 4; with 5 if a rule of a plan is broken."""
     for problem in problems:
         click.echo(f"left out: {problem}", err=True)
-    if problems:
-        click.get_current_context().exit(INCOMPLETE)
+    if problems or is_broken:
+        click.get_current_context().exit(BROKEN if is_broken else INCOMPLETE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import click
@@ -15,7 +16,7 @@ from calibration.commands.shared import (
     time_option,
 )
 from calibration.commands.tables import comparison_table, growth_tables
-from calibration.pipeline.bars import Bar, bars
+from calibration.pipeline.bars import Bar, bars, in_one_sentence
 from calibration.pipeline.held_out_study import (
     GrowthStudy,
     ValidationStudy,
@@ -53,9 +54,11 @@ from mechsim.commands.options import run_options
 @time_option("--duration", 2000.0, "Simulated time of a run, tu.")
 @click.option(
     "--control",
-    "control_name",
+    "control_names",
     metavar="NAME|FILE",
-    help="Rates of the break model that the rules of a PLAN expect to fail, fitted to the same calibration runs.",
+    multiple=True,
+    help="Rates that must break the rules of a PLAN, fitted to the same calibration runs: with another break model, or "
+    "without crowding; may be repeated.",
 )
 @click.option(
     "--csv",
@@ -86,7 +89,7 @@ from mechsim.commands.options import run_options
 def validate(
     scene: str,
     rates_name: str,
-    control_name: str | None,
+    control_names: tuple[str, ...],
     csv_files: tuple[str, ...],
     groups: int | None,
     plot_files: tuple[str, ...],
@@ -97,61 +100,81 @@ def validate(
     """Compare predictions with mechanics runs of a scene that the rates never saw.
 
     A PLAN, a file written by `wellmixed study plan`, states scene, sizes, runs, seed and the rules of the verdict; the
-    report says which rules hold. A FOLDER, made by `wellmixed new`, holds the plan and the rates; report and runs are
-    written there.
+    first sentence says which rules are kept, broken, or cannot be judged because the predicted interval is wider than
+    the rule. A FOLDER, made by `wellmixed new`, holds the plan and the rates; report and runs are written there.
 
     Rates by class are tested on growth: network-free runs under draws of the rates predict curves of structures by
     size, of targets and of the largest structure, joins and breaks. The report gives the power of so many runs to
     detect wrong rates of joins or breaks, and names the checks that could not fail. The rest of this text is about
     rates by channel.
 
-    The verdict rests on the events of every channel, seen and expected, on the scatter of joins and breaks between
-    runs, on mean counts, CRPS, single runs and first times, each by a p-value that carries the uncertainty of the
-    rates; those of events, scatter, mean counts and single runs are exact. Coverage is the share of times and species
-    at which the runs' mean lies in its predicted 95 % band. CRPS, the continuous ranked probability score, is the mean
-    distance of a run from the predicted distribution, in copies; it is shown beside the model's score against its own
-    runs. Exit code 4: some runs were stopped by the guard or given up.
+    One test judges the joins and the breaks of all kinds of run together, by an exact p-value that carries the
+    uncertainty of the rates. Shown beside it, each with a p-value of its own: the events of every channel, the scatter
+    between runs, mean counts, CRPS, single runs and first times. Coverage is the share of times and species at which
+    the runs' mean lies in its predicted 95 % band. CRPS, the continuous ranked probability score, is the mean distance
+    of a run from the predicted distribution, in copies; it is shown beside the model's score against its own runs.
+    Exit code 4: some runs were stopped by the guard or given up; 5: a rule of the plan is broken.
     """
 
     asked = {"sizes": how["cubes"]} | {name: how[name] for name in ("runs", "duration", "seed")}
     runs = StudyRuns.asked_for(scene, "held_out", **asked)
     if runs.plan is not None:
         refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
-    elif control_name:
+    elif control_names:
         raise ValueError("--control: only a plan has rules that a control must fail; give a plan, or leave it out")
     by_class = are_by_class(rates_name)
-    if by_class and ((report and not is_filled("report")) or control_name):
+    if by_class and ((report and not is_filled("report")) or control_names):
         raise ValueError("--report and --control are for rates by channel; leave them out, or use --json")
     if not by_class and (plot_files or groups):
         raise ValueError("--plot and --groups are for rates by class; leave them out, or take --report")
     rates = ClassRates.load(rates_name) if by_class else Rates.load(rates_name)
     check_held_out(runs, rates)
+    others = _controls(control_names, rates)
     folder, common = how["runs_folder"], {name: how[name] for name in ("workers", "progress")}
     if how["part"] is not None:
         how["part"].make(runs.specs, folder, as_json=as_json, **common)
         return
     study: ValidationStudy | GrowthStudy
     told: dict[str, Any] = {}
-    cleared: list[Bar] = []
+    rules: list[Bar] = []
     if isinstance(rates, ClassRates):
         study = run_growth_validation(runs, rates, folder, most_groups=groups, **common)
     else:
         study = run_validation(runs, rates, folder, **common)
         if runs.plan is not None:
-            control = run_validation(runs, Rates.load(control_name), folder, **common) if control_name else None
-            cleared = bars(runs.plan.verdict, study, control)
-        told = {"plan": runs.plan and runs.plan.name, "seed": runs.seed, "rules": [bar.to_dict() for bar in cleared]}
+            controls = {
+                in_words: run_validation(runs, control, folder, **common) for in_words, control in others.items()
+            }
+            rules = bars(runs.plan.verdict, study, controls)
+        told = {"plan": runs.plan and runs.plan.name, "seed": runs.seed, "rules": [bar.to_dict() for bar in rules]}
         told |= {name: None if runs.plan else how[name] for name in ("duration", "runs")}
     write_tables(csv_files, study.to_dataframe)
     if isinstance(study, GrowthStudy):
         for plot_file in plot_files:
             study.save_plot(plot_file)
     if report and isinstance(study, ValidationStudy):
-        validation_report(study, cleared).write(report, data=True)
+        validation_report(study, rules).write(report, data=True)
     if as_json:
         echo_json({"rates": rates_name} | told | study.to_dict())
     else:
+        for line in [in_one_sentence(rules), *(f"  {bar.sentence}" for bar in rules), ""] if rules else []:
+            click.echo(line)
         click.echo(comparison_table(study) if isinstance(study, ValidationStudy) else growth_tables(study))
-        for bar in cleared:
-            click.echo(f"rule: {bar.sentence}")
-    leave(study.outcome.problems)
+    leave(study.outcome.problems, any(bar.is_kept is False for bar in rules))
+
+
+def _controls(names: Sequence[str], rates: Rates | ClassRates) -> dict[str, Rates]:
+    """Rates that must fail, by what sets them apart from those that are judged."""
+    found = {}
+    for name in names:
+        control = Rates.load(name)
+        if isinstance(rates, Rates):
+            apart = [f"{control.breaks.model} breaks"] if control.breaks.model != rates.breaks.model else []
+            apart += ["no crowding"] if rates.crowding is not None and control.crowding is None else []
+            if not apart:
+                raise ValueError(
+                    f"--control {name}: {rates.breaks.model} breaks and crowding, as the rates that are judged; give "
+                    "rates fitted with another break model, or without crowding"
+                )
+            found[" and ".join(apart)] = control
+    return found

@@ -50,14 +50,14 @@ def run_calibration(
     folder: str | Path,
     *,
     breaks: str | None = None,
-    crowding: str = "none",
+    crowding: str | None = None,
     workers: int | Executor = 1,
     progress: bool | None = None,
 ) -> CalibrationStudy:
     """Make the missing calibration runs and read the others.
 
     breaks : name of a break model in the place of the plan's, such as that of its control, or `auto`
-    crowding : name of a model of crowding, or `auto` for the one that logged hits choose
+    crowding : name of a model of crowding in the place of the plan's, or `auto` for the one that logged hits choose
 
     ValueError: a scene that does not pass `check_measurable`; no run reached its end.
     """
@@ -88,7 +88,7 @@ def run_calibration(
         breaks=breaks or ("auto" if plan is None else plan.breaks),
         within=2 * scene.numerics.step,
         bonds=bonds_of(sound),
-        crowding=crowding,
+        crowding=crowding or ("none" if plan is None else plan.crowding),
         hits=logged_hits(sound),
         bodies=bodies_in(sound[0]),
         problems=outcome.problems,

@@ -134,13 +134,13 @@ def run_validation(
     workers: int | Executor = 1,
     progress: bool | None = None,
 ) -> ValidationStudy:
-    """Make the missing held-out runs and compare them with the prediction, runs of one tank and size at a time.
+    """Make the missing held-out runs and compare them with the prediction, by tank, size and engine.
 
     ValueError: rates that do not pass `check_held_out`; a single run of some size.
     """
-    groups: dict[tuple[tuple[float, float, float], int], list[RunSpec]] = {}
+    groups: dict[tuple[tuple[float, float, float], int, str], list[RunSpec]] = {}
     for spec in runs.specs:
-        groups.setdefault((spec.scene.tank.size, spec.n_cubes), []).append(spec)
+        groups.setdefault((spec.scene.tank.size, spec.n_cubes, spec.scene.numerics.engine), []).append(spec)
     if (fewest := min(map(len, groups.values()))) < 2:
         raise ValueError(f"runs = {fewest}; a mean with an interval needs at least 2")
     check_held_out(runs, rates)
@@ -149,8 +149,9 @@ def run_validation(
     target = species_of(derivation, book.target)
     finished = {record.spec.key: record for record in outcome.sound}
     comparisons = []
-    for number, ((size, n), alike) in enumerate(groups.items()):
-        label = f"{n} cubes" if size == runs.scene.tank.size else f"{n} cubes in {Tank(size)}"
+    tank, usual = runs.scene.tank.size, runs.scene.numerics.engine
+    for number, ((size, n, engine), alike) in enumerate(groups.items()):
+        label = f"{n} cubes{'' if size == tank else f' in {Tank(size)}'}{'' if engine == usual else f' ({engine})'}"
         records = [finished[spec.key] for spec in alike if spec.key in finished]
         if len(records) < 2:
             raise ValueError(f"fewer than two of the runs with {label} reached their end: nothing to compare")
@@ -159,7 +160,7 @@ def run_validation(
         paths = [record.path for record in records]
         found = crossvalidate(rates, paths, grid, target, seed=runs.seed, number=number)
         cpu = float(sum(record.cost["cpu_seconds"] for record in records))
-        comparisons.append(replace(found, label=label, mechanics_cpu=cpu))
+        comparisons.append(replace(found, label=label, engine=engine, mechanics_cpu=cpu))
     return ValidationStudy(tuple(comparisons), rates, outcome)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from calibration import plots
 from calibration.estimating.break_comparison import shape_in_words
+from calibration.pipeline.bars import WORDS, Bar, in_one_sentence
 from calibration.reporting.report import Chart, Heading, HtmlReport, Part, ReportTable, Text
 from calibration.reporting.words import in_words
 from kinetics.rates import Rates, about_priors
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from calibration.estimating.diagnosing.diagnosis import Diagnosis
     from calibration.estimating.estimate import Calibration
     from calibration.estimating.study import CalibrationStudy
-    from calibration.pipeline.bars import Bar
     from calibration.pipeline.held_out_study import ValidationStudy
     from calibration.validating.comparison import CrossValidation
     from calibration.validating.events import EventRow
@@ -60,8 +60,8 @@ are exact and include the uncertainty of the rates. Scatter is the dispersion of
 model.
 """
 ABOUT_RULES = """
-They were stated before the runs, and each is judged by itself. The verdict below answers another question: whether all
-checks together, corrected for their number, contradict the prediction.
+They were stated before the runs, and each is judged by itself. A rule cannot be judged where the predicted 95 %
+interval is wider than the rule.
 """
 ABOUT_SINGLE_RUNS = """
 For each run, where its joins and breaks (over those expected) and its final counts lie in their predicted distribution
@@ -179,8 +179,10 @@ def _rule_parts(rules: Sequence[Bar]) -> list[Part]:
         return []
     return [
         Heading("The rules of the plan"),
-        Text(f"{sum(bar.is_cleared is True for bar in rules)} of {len(rules)} rules hold. {ABOUT_RULES}"),
-        ReportTable("The rules and the results.", [bar.to_dict() for bar in rules], "rules"),
+        Text(f"{in_one_sentence(rules)} {ABOUT_RULES}"),
+        ReportTable(
+            "The rules and the results.", [bar.to_dict() | {"is_kept": WORDS[bar.is_kept]} for bar in rules], "rules"
+        ),
     ]
 
 
@@ -189,7 +191,7 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
     panels = notable([comparison.events for comparison in study.comparisons] + ([study.pooled] if study.pooled else []))
     parts: list[Part] = [
         Heading("Predicted against simulated"),
-        Text(f"Verdict: {study.verdict.sentence}."),
+        Text(f"One test of all joins and breaks: {study.verdict.sentence}."),
         Heading("Events"),
         Text(ABOUT_EVENTS),
         ReportTable("Events of joins, of breaks and of each channel.", _event_table(study), "events"),

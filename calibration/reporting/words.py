@@ -25,7 +25,7 @@ IN_WORDS = {
     "per_look": "events between two looks",
     # rules of a plan
     "came": "result",
-    "is_cleared": "holds",
+    "is_kept": "verdict",
     # events
     "scatter": "scatter (1 if Poisson)",
     "scatter_low": "95 % of scatters from",

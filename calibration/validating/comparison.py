@@ -13,10 +13,10 @@ from calibration import plots
 from calibration.estimating.joins_and_breaks import WHOLES
 from calibration.validating.events import EventRow, HeldOutEvents, event_rows
 from calibration.validating.first_times import FirstTimeComparison
-from calibration.validating.power import powers
+from calibration.validating.overall import overall_verdict
 from calibration.validating.scores import BandShare, Score
 from calibration.validating.single_runs import SingleRuns
-from calibration.validating.verdict import ConsistencyCheck, Verdict, event_checks, judged
+from calibration.validating.verdict import ConsistencyCheck, Verdict, event_checks
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
 from kinetics.support.packages import plt
@@ -62,8 +62,8 @@ class CrossValidation(Shown):
     first : first-passage times to the target, if one was named
     held_out : events of the held-out runs, and of simulated groups
     single_runs : randomised PIT of each run
-    label : name of the experiment, such as `80 cubes`; mechanics_cpu : CPU time of the held-out runs, s; both as
-        given by `dataclasses.replace`
+    label : name of the experiment, such as `80 cubes`; engine : that made the held-out runs; mechanics_cpu : their CPU
+        time, s; all as given by `dataclasses.replace`
 
     >>> from calibration import crossvalidate, estimate
     >>> from kinetics import Network, sample_path
@@ -102,6 +102,7 @@ class CrossValidation(Shown):
     single_runs: SingleRuns
     cost: Cost
     label: str = ""
+    engine: str | None = None
     mechanics_cpu: float = float("nan")
 
     @property
@@ -142,11 +143,11 @@ class CrossValidation(Shown):
     @cached_property
     def events(self) -> tuple[EventRow, ...]:
         """Events seen and expected: joins, breaks, and every channel by itself."""
-        return event_rows([self.held_out], self.name, self.cubes, self.held_out.tank)
+        return event_rows([self.held_out], self.name, self.cubes, self.held_out.tank, self.engine)
 
     @property
-    def checks(self) -> list[ConsistencyCheck]:
-        """Everything that the verdict rests on."""
+    def details(self) -> list[ConsistencyCheck]:
+        """Events of every channel, scatter, means, scores, single runs and first times, each by itself."""
         where = f"at {self.name}"
         least, overall = 1 / (self.groups + 1), self.scores[-1]
         checks = event_checks(self.events, where)
@@ -164,13 +165,12 @@ class CrossValidation(Shown):
 
     @cached_property
     def verdict(self) -> Verdict:
-        """All checks together, and what these runs would have shown."""
-        checks = self.checks
-        return judged(checks, powers([self.held_out], len(checks)))
+        """Joins and breaks together, and what these runs would have shown."""
+        return overall_verdict([self.held_out], f"at {self.name}", self.details)
 
     @property
     def is_consistent(self) -> bool:
-        """True if events, their scatter, mean, scores, single runs and first times pass their tests at 1 %."""
+        """True if joins and breaks together pass their test at 1 %."""
         return self.verdict.is_consistent
 
     def table(self) -> list[dict[str, Any]]:

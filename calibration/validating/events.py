@@ -38,6 +38,7 @@ class EventRow:
     size : the experiment as text
     cubes : of a run; None for the pooled rows of all sizes
     tank : edges of the tank, where it is known
+    engine : that made the runs, where it is known
     group : `joins`, `breaks`, or a channel
     seen, expected : events of all runs; what the posterior means of the rates give over the exposures of these runs
     low, high : 95 % predictive interval of the events, given these exposures
@@ -49,6 +50,7 @@ class EventRow:
     size: str
     cubes: int | None
     tank: tuple[float, ...] | None
+    engine: str | None
     group: str
     seen: int
     expected: float
@@ -246,7 +248,11 @@ class HeldOutEvents:
 
 
 def event_rows(
-    held_out: Sequence[HeldOutEvents], size: str, cubes: int | None = None, tank: Tank | None = None
+    held_out: Sequence[HeldOutEvents],
+    size: str,
+    cubes: int | None = None,
+    tank: Tank | None = None,
+    engine: str | None = None,
 ) -> tuple[EventRow, ...]:
     """A row for each group of channels: of one experiment, or of several pooled.
 
@@ -270,7 +276,7 @@ def event_rows(
     expected = observed.expected[0]
     return tuple(
         EventRow(
-            size, cubes, tank.size if tank else None, name, int(observed.seen[0, g]), float(expected[g]),
+            size, cubes, tank.size if tank else None, engine, name, int(observed.seen[0, g]), float(expected[g]),
             float(expected[g] * low[g]), float(expected[g] * high[g]), float(p[g]), float(least[g]),
             float(observed.scatter[0, g]), float(scatter_low[g]), float(scatter_high[g]),
             float(p_scatter[g]), float(least_scatter[g]),

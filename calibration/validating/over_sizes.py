@@ -8,9 +8,9 @@ from typing import Any
 
 from calibration.validating.comparison import CrossValidation
 from calibration.validating.events import EventRow, event_rows
-from calibration.validating.power import powers
+from calibration.validating.overall import overall_verdict
 from calibration.validating.single_runs import pooled_p
-from calibration.validating.verdict import Verdict, event_checks, judged
+from calibration.validating.verdict import Verdict, event_checks
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +42,17 @@ class ComparedSizes:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """All checks of all sizes together, and of the pooled rows, corrected for their number."""
-        checks = [check for each in self.comparisons for check in each.checks]
-        checks += event_checks(self.pooled, "at all sizes")
-        return judged(checks, powers([each.held_out for each in self.comparisons], len(checks)))
+        """Joins and breaks of all sizes together, and what these runs would have shown."""
+        if len(self.comparisons) == 1:
+            return self.comparisons[0].verdict
+        details = [check for each in self.comparisons for check in each.details]
+        details += event_checks(self.pooled, "at all sizes")
+        held_out = [each.held_out for each in self.comparisons]
+        return overall_verdict(held_out, f"of {len(held_out)} kinds of run", details)
 
     @property
     def is_consistent(self) -> bool:
-        """True if no check fails at 1 %, corrected for their number."""
+        """True if joins and breaks of all sizes together pass their test at 1 %."""
         return self.verdict.is_consistent
 
     def summary(self) -> list[dict[str, Any]]:

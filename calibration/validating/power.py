@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from calibration.estimating.joins_and_breaks import WHOLES
 from calibration.validating.events import HeldOutEvents
 from kinetics.support.packages import stats
 
@@ -80,8 +79,8 @@ class Power:
     """How surely an error of the rates shows in the row of events of one group of channels.
 
     group : of channels; off_by : relative error of their rates
-    in_row, in_verdict : probability of p <= 0.01 in the row by itself, and of a p-value by which the verdict fails,
-        which corrects for the number of its checks; the smaller of those for rates that are too low and too high
+    in_row, in_verdict : probability of p <= 0.01 in the row by itself, and of a p-value by which the verdict fails; the
+        smaller of those for rates that are too low and too high
     """
 
     group: str
@@ -96,12 +95,6 @@ class Power:
             f"{self.group} off by {100 * self.off_by:g} % with probability {100 * self.in_row:.0f} % "
             f"(p ≤ {LEVEL:g} in their row; {100 * self.in_verdict:.0f} % by the verdict)"
         )
-
-
-def powers(held_out: Sequence[HeldOutEvents], checks: int) -> tuple[Power, ...]:
-    """The power for joins and for breaks, if there are any, when the verdict rests on so many checks."""
-    found = [power_of_runs(held_out, name) for name in held_out[0].names if name in WHOLES]
-    return tuple(Power(each.group, OFF_BY, each.power(), each.power(level=LEVEL / checks)) for each in found)
 
 
 def power_of_runs(held_out: Sequence[HeldOutEvents], group: str, off_by: float = OFF_BY) -> GroupPower:

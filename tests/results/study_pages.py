@@ -18,6 +18,7 @@ from typing import Any
 
 import pandas as pd
 
+from calibration.pipeline.bars import WORDS
 from kinetics.rates import Rates
 from kinetics.runs import BY_SEVERAL, BY_WALL, NO_BREAK
 from mechsim.inspection.poses import record_at
@@ -279,9 +280,9 @@ def event_table(study: Study) -> str:
 
 def rules(study: Study) -> str:
     """The plan's rules, and what came."""
-    words = {True: "holds", False: "**fails**", None: "cannot be judged"}
+    words = WORDS | {False: "**broken**"}
     found = study.stored("validation.json")["rules"]
-    return table(("rule", "", "result"), [(row["rule"], words[row["is_cleared"]], row["came"]) for row in found])
+    return table(("rule", "", "result"), [(row["rule"], words[row["is_kept"]], row["came"]) for row in found])
 
 
 def verdict(study: Study) -> str:
@@ -335,8 +336,7 @@ def next_model(study: Study) -> str:
     found = study.stored("next-validation.json")
     rows = [row for row in found["events"] if row["group"] == "breaks"]
     told = [f"{ratio(row['seen'], row['expected'])} at {row['size']}" for row in rows]
-    words = {True: "holds", False: "fails", None: "cannot be judged"}
-    bars = [f"{row['rule']}: {words[row['is_cleared']]}" for row in found["rules"]]
+    bars = [f"{row['rule']}: {WORDS[row['is_kept']]}" for row in found["rules"]]
     model = Rates.load(study.folder / "next-rates.toml").breaks.model
     return paragraph(
         f"Under `{model}`, breaks seen / expected are {listed(told)}; p of them is at least "

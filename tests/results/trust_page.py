@@ -90,10 +90,10 @@ def held_out() -> str:
     """The verdict on the line of four."""
     found = told(HELD_OUT)
     (checks,) = re.findall(r"consistent with the prediction in all (\d+) checks at 1 %", found["verdict"])
-    cleared = sum(rule["is_cleared"] for rule in found["rules"])
+    kept = sum(rule["is_kept"] is True for rule in found["rules"])
     return (
         f"held-out assemblies of the line of four agree with rates that never saw them in all {checks} checks at 1 %; "
-        f"{cleared} of the plan's {len(found['rules'])} rules hold (`docs/line_of_four.md`)"
+        f"{kept} of the plan's {len(found['rules'])} rules are kept (`docs/line_of_four.md`)"
     )
 
 

@@ -1,6 +1,6 @@
 """The exit codes of commands, and which of them, with what message, an error gives.
 
-Codes for results, 1 and 4, are chosen by each command.
+Codes for results, 1, 4 and 5, are chosen by each command.
 
 To see where an error came from, a user gives `--debug` before the command.
 """
@@ -20,6 +20,7 @@ MISTAKE = 2  # of the user: options, files, their contents, a package that is mi
 OUTSIDE = 3  # a full disk, too little memory, a scheduler that is gone: the same command may go well another time
 INCOMPLETE = 4  # runs were truncated, stopped by the guard, given up or are missing: a result, of fewer runs or times
 DIFFERENT = 4  # a replay came out otherwise than the run: a result
+BROKEN = 5  # held-out runs broke a rule that a plan had stated before: a result
 FAULT = 70  # ours (EX_SOFTWARE of sysexits.h)
 INTERRUPTED = interrupts.INTERRUPTED  # 130: by Ctrl-C or SIGTERM
 BROKEN_PIPE = 141  # whoever read standard output has seen enough, as `| head`; 128 + SIGPIPE, as shells count

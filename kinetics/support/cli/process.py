@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 
 import click
 
-from kinetics.support.cli.failures import BROKEN_PIPE, CHECKED, INCOMPLETE, INTERRUPTED, OUTSIDE
+from kinetics.support.cli.failures import BROKEN, BROKEN_PIPE, CHECKED, INCOMPLETE, INTERRUPTED, OUTSIDE
 
 
 class StandardStream(io.FileIO):
@@ -123,7 +123,7 @@ def heed_interrupts() -> None:
 def exit_code(code: int) -> int:
     """The exit code of a finished command, after its output is flushed; a lost result is a failure."""
     lost = _lost()
-    if lost is None or code not in (0, CHECKED, INCOMPLETE):
+    if lost is None or code not in (0, CHECKED, INCOMPLETE, BROKEN):
         return code
     if lost.errno == errno.EPIPE:
         return BROKEN_PIPE

@@ -110,7 +110,7 @@ def test_panels_of_many_lines_are_higher():
 
 def test_channels_without_anything_to_show_are_left_out_at_every_size():
     def row(size, group, seen, expected):
-        return EventRow(size, 8, None, group, seen, expected, 0.0, 1.0, 1.0, 1e-4, 1.0, 0.5, 1.5, 0.5, 1e-4)
+        return EventRow(size, 8, None, None, group, seen, expected, 0.0, 1.0, 1.0, 1e-4, 1.0, 0.5, 1.5, 0.5, 1e-4)
 
     small = [row("small", "joins", 9, 8.0), row("small", "rare", 0, NOTABLE / 2), row("small", "odd", 0, 0.0)]
     large = [row("large", "joins", 9, 8.0), row("large", "rare", 0, NOTABLE / 2), row("large", "odd", 1, 0.0)]

@@ -224,7 +224,8 @@ def test_breaks_twice_as_often_as_promised_are_refuted():
     assert row.p == row.least == 2 / 5_000
     assert not found.is_consistent
     assert found.verdict.sentence.startswith("not consistent: ")
-    assert f"breaks at 60 cubes {row.seen} seen" in found.verdict.sentence
+    assert "joins and breaks at 60 cubes, p ≤ 0.001" in found.verdict.sentence
+    assert f"(furthest by itself: breaks at 60 cubes {row.seen} seen" in found.verdict.sentence
 
 
 def test_runs_of_the_chain_itself_are_consistent_with_it():
@@ -232,7 +233,10 @@ def test_runs_of_the_chain_itself_are_consistent_with_it():
     assert alone.pooled == ()
     assert alone.comparisons[0].is_consistent
     assert alone.is_consistent
-    assert "consistent with the prediction in all 15 checks" in alone.verdict.sentence
+    assert alone.verdict.sentence.startswith(
+        "consistent with the prediction at 1 %: joins and breaks at 60 cubes, p = "
+    )
+    assert len(alone.verdict.details) == 15  # shown, not judged
     assert "joins off by 20 % with probability" in alone.verdict.sentence
 
 

@@ -14,7 +14,8 @@ from calibration.planning.forecast import Forecast
 from calibration.planning.held_out import group_powers
 from calibration.validating.events import HeldOutEvents
 from calibration.validating.groups import SimulatedGroups
-from calibration.validating.power import LEVEL, Power, power, power_of_runs, powers
+from calibration.validating.overall import overall_verdict
+from calibration.validating.power import LEVEL, Power, power, power_of_runs
 from kinetics.sampling import sample_path
 
 START, END, RUNS, OFF = np.array([30, 0, 0, 0]), 25.0, 3, 0.5
@@ -106,10 +107,10 @@ def test_plans_and_verdicts_say_the_same_of_the_same_runs():
 
 
 def test_the_verdict_states_both_levels():
-    joins, breaks = powers([held_out()], 16)
+    joins, breaks = overall_verdict([held_out()], "here", []).powers
     assert (joins.group, breaks.group) == ("joins", "breaks")
-    assert joins.in_row > joins.in_verdict > 0
-    assert joins.in_verdict == pytest.approx(power_of_runs([held_out()], "joins").power(level=LEVEL / 16))
+    assert joins.in_row == pytest.approx(power_of_runs([held_out()], "joins").power())
+    assert 0 < joins.in_verdict < joins.in_row + 0.2  # of 50 simulated groups for each sign
     assert Power("joins", 0.2, 0.95, 0.56).sentence == (
         "joins off by 20 % with probability 95 % (p ≤ 0.01 in their row; 56 % by the verdict)"
     )
