@@ -3,7 +3,7 @@
 # ruff: noqa: F401, I001 - the imports are the list, in this order
 
 from kinetics.rates.breaks.base import BreakModel
-from kinetics.support.families import members
+from kinetics.support.families import member_named, members
 
 from kinetics.rates.breaks.first_order import FirstOrder
 from kinetics.rates.breaks.collision import Collision
@@ -20,7 +20,4 @@ def break_model(name: str) -> BreakModel:
     >>> break_model("first-order").name
     'first-order'
     """
-    known = {model.name: model for model in BREAK_MODELS}
-    if name not in known:
-        raise ValueError(f"unknown break model {name!r}; expected one of {', '.join(known)}")
-    return known[name]
+    return member_named(name, BREAK_MODELS, "break model")

@@ -3,7 +3,7 @@
 # ruff: noqa: F401, I001 - the imports are the list, in this order
 
 from kinetics.rates.crowding.base import CrowdingModel
-from kinetics.support.families import members
+from kinetics.support.families import member_named, members
 
 from kinetics.rates.crowding.none import NoCrowding
 from kinetics.rates.crowding.linear import Linear
@@ -20,7 +20,4 @@ def crowding_model(name: str) -> CrowdingModel:
     >>> crowding_model("hard-bodies").name
     'hard-bodies'
     """
-    known = {model.name: model for model in CROWDING_MODELS}
-    if name not in known:
-        raise ValueError(f"unknown model of crowding {name!r}; expected one of {', '.join(known)}")
-    return known[name]
+    return member_named(name, CROWDING_MODELS, "model of crowding")
