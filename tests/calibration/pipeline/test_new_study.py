@@ -83,6 +83,10 @@ def test_a_folder_goes_the_whole_way(study, tmp_path, monkeypatch):
     plan = StudyPlan.load(shutil.copytree(folder, tmp_path / "moved") / "plan.toml")
     specs = plan.specs(plan.calibration) + plan.specs(plan.held_out)
     assert len(RunStore(tmp_path / "moved" / "runs").existing(specs)) == len(specs), "runs are found elsewhere too"
+    plan.replace(verdict=plan.verdict.replace(p_pit=1.0)).save(tmp_path / "moved" / "plan.toml")
+    broken = run("validate", tmp_path / "moved", code=5)
+    assert "1 broken (p of the PIT of all single runs above 1: p = " in broken.splitlines()[0]
+    assert "as the rates that are judged" in run("validate", folder, "--control", folder / "rates.toml", code=2)
 
 
 def test_a_target_that_grows_from_a_seed_is_studied_by_class(tmp_path):
