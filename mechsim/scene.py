@@ -177,6 +177,12 @@ class Scene(Settings):
         found[0].update(settings)
         return validated(Scene, data, f"scene {self.name}")
 
+    def by(self, engine: str | None) -> Scene:
+        """The scene with another engine, checked again; None leaves it as it is."""
+        if engine is None:
+            return self
+        return self.replace(numerics=self.numerics.replace(engine=engine))
+
     @property
     def content(self) -> dict[str, Any]:
         """All settings, ready for JSON; a book of one's own without its folder, so that it may be kept anywhere."""

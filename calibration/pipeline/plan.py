@@ -121,9 +121,7 @@ class StudyPlan(Settings):
 
     def scene_of(self, tanks: Tanks) -> Scene:
         """The scene of some runs: the plan's, with their tank, their engine and the log of loads."""
-        scene = Scene.load(self.scene)
-        if tanks.engine is not None:
-            scene = scene.replace(numerics=scene.numerics.replace(engine=tanks.engine))
+        scene = Scene.load(self.scene).by(tanks.engine)
         if self.log_above is not None:
             scene = scene.changed("breaking", log_above=self.log_above)
         return in_tank(scene, tanks.tank)

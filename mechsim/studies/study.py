@@ -93,6 +93,7 @@ class Study(Settings, dict=True):
     name : of its tables and figures, so it may name a file; cubes : in the tank, where no factor says otherwise
     runs : a point; cap : tu after which a run without a target ends, and counts as censored
     typical : first time at the scene's own settings and `cubes`, tu; only the prediction of the cost asks for it
+    engine : of the mechanics; None for the scene's own
     """
 
     name: str
@@ -104,6 +105,7 @@ class Study(Settings, dict=True):
     typical: Positive
     factors: Annotated[tuple[Factor, ...], Meta(min_length=1)]
     paper: tuple[PaperMedian, ...] = ()
+    engine: str | None = None
 
     def __post_init__(self) -> None:
         checked_name(self.name, "study name")
@@ -134,7 +136,7 @@ class Study(Settings, dict=True):
     @cached_property
     def base(self) -> Scene:
         """The scene that the points start from."""
-        return Scene.load(self.scene)
+        return Scene.load(self.scene).by(self.engine)
 
     @cached_property
     def points(self) -> tuple[StudyPoint, ...]:

@@ -39,5 +39,5 @@ def _step(engine: str) -> None:
     from mechsim.scene import Scene
 
     scene = Scene.load("line4")
-    scene = scene.replace(numerics=scene.numerics.replace(engine=engine))
+    scene = scene.by(engine)
     execute(RunSpec(scene, {"monomer": 10, "dimer": 5, "trimer": 4, "quadmer": 4}, 0.5, seed=0, run=0))

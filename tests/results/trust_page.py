@@ -92,7 +92,8 @@ def held_out() -> str:
     (checks,) = re.findall(r"consistent with the prediction in all (\d+) checks at 1 %", found["verdict"])
     kept = sum(rule["is_kept"] is True for rule in found["rules"])
     return (
-        f"by an earlier version of the mechanics: held-out assemblies of the line of four agree with rates that never saw them in all {checks} checks at 1 %; "
+        "by an earlier version of the mechanics: held-out assemblies of the line of four agree with rates that never "
+        f"saw them in all {checks} checks at 1 %; "
         f"{kept} of the plan's {len(found['rules'])} rules are kept (`docs/line_of_four.md`)"
     )
 

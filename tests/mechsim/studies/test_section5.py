@@ -66,7 +66,7 @@ def test_the_paper_s_settings_are_there():
 
 def test_a_level_that_is_the_scene_s_own_leaves_it_alone():
     """So that studies share runs: the same scene, the same number of cubes, the same runs."""
-    base = Scene.load("t5").fingerprint
+    base = Scene.load("t5").by("own").fingerprint
     shared = [Study.load("velocity").points[2], Study.load("number").points[1]]
     assert {point.scene.fingerprint for point in shared} == {base}
     assert len({point.specs(9.0, 1, 3)[0].key for point in shared}) == 1
