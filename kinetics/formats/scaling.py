@@ -81,6 +81,7 @@ def scaled(network: Network, copies: float) -> Network:
         laws={name: _law(law, copies) for name, law in network.laws.items()},
         events=tuple(_event(event, copies) for event in network.events),
         given=replace(network.given, rates=rates, initial=initial),
+        crowding=None,  # its laws are among the others
     )
 
 

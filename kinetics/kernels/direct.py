@@ -15,6 +15,7 @@ from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, PASSED, RUN
 from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STOPPED, UNFINISHED
 from kinetics.kernels.stopping import holds
 from kinetics.kernels.streams import exponential, next_word, start_stream, uniform
+from kinetics.kernels.thinning import kept_channel, with_candidates
 
 BUFFER = 1024  # events that are kept before they are written to the grid
 
@@ -28,7 +29,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop):
     counts : (S + 1,) int64, the last one 1; changed in place
     clock : (3,) the time, tu, and what `clock.stands_still` notes; changed in place
     stream : (4,) uint64, state of the random stream; changed in place
-    times, fired : (B,) buffers that receive the events, by the model's channels
+    times, fired : (B,) buffers that receive the events, by the model's channels; G for a candidate that is not kept
     stop : see `Stop`; None if nothing ends the run before
 
     Returns the outcome and the number of events written.
@@ -76,6 +77,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop):
                 within[r] = part
             total += part
             upto[block] = total
+        surely, total = total, with_candidates(model.thinning, within, upto, total)
         # Step 2: the wait, an exponential of rate a_0 = sum of a_r (eq. 21a).
         word, s0, s1, s2, s3 = next_word(s0, s1, s2, s3)
         later, outcome = next_time(t, exponential(word), total, clock)
@@ -90,17 +92,23 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop):
         # Step 3: the channel, the first whose running sum exceeds u a_0 (eq. 21b). If rounding makes the target too
         # large, the second comparison stops at the last positive propensity: none without reactants fires.
         word, s0, s1, s2, s3 = next_word(s0, s1, s2, s3)
-        block, target = block_at(upto, uniform(word) * total, total)
-        chosen = BLOCK * block
-        part = within[chosen + BLOCK - 1]
-        while within[chosen] <= target and within[chosen] < part:
-            chosen += 1
-        # Step 4: fire. A count beyond 63 bits wraps to a negative one; the event is then undone.
+        aim = uniform(word) * total
+        if model.thinning is not None and aim >= surely and surely < total:
+            chosen = kept_channel(model.thinning, first, within, copies, aim - surely, n_channels)
+        else:
+            block, target = block_at(upto, aim, total)
+            chosen = BLOCK * block
+            part = within[chosen + BLOCK - 1]
+            while within[chosen] <= target and within[chosen] < part:
+                chosen += 1
+        # Step 4: fire. A count beyond 63 bits wraps to a negative one; the event is then undone. A candidate that is
+        # not kept has the channel G, which changes nothing.
         overflowed = False
-        for s in range(n_species):
-            counts[s] += changes[chosen, s]
-            overflowed |= counts[s] < 0
-            copies[s] = counts[s]
+        if model.thinning is None or chosen < n_channels:
+            for s in range(n_species):
+                counts[s] += changes[chosen, s]
+                overflowed |= counts[s] < 0
+                copies[s] = counts[s]
         if overflowed:
             for s in range(n_species):
                 counts[s] -= changes[chosen, s]
@@ -161,8 +169,9 @@ def ensemble(model, changes, work, initial, grid, key, first_run, limits, out, m
             outcome, n_events = advance(model, changes, counts, clock, end, stream, times[:room], fired[:room], stop)
             for event in range(n_events):
                 seen = record(state, times[event], grid, seen, out[i])
-                for s in range(n_species):
-                    state[s] += changes[fired[event], s]
+                if model.thinning is None or fired[event] < len(changes):
+                    for s in range(n_species):
+                        state[s] += changes[fired[event], s]
             notes[PASSED] = seen
             notes[EVENTS] += n_events
             most -= n_events

@@ -9,6 +9,7 @@ from kinetics.kernels.clock import MOST_STILL
 from kinetics.kernels.compiled import compiled
 from kinetics.kernels.stopping import holds
 from kinetics.kernels.streams import exponential, next_word, start_stream, uniform
+from kinetics.kernels.thinning import add_candidates, keep_candidates
 
 LANES = 64  # runs side by side
 GATHERED = 8  # up to so many species, all are updated whichever channel fired: quicker than its own few
@@ -164,6 +165,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
             for lane in range(lanes):
                 total[lane] += part[lane]
                 upto[np.uint64(block), lane] = total[lane]
+        add_candidates(model.thinning, within, upto, total, active)
 
         # Step 2: the waits (eq. 21a); both words of an event are drawn at once.
         n_crossed = 0
@@ -239,6 +241,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
                 chosen[lane] = begin
                 for r in range(begin, end):
                     chosen[lane] += (within[r, lane] <= aim) & (within[r, lane] < within[end - 1, lane])
+        keep_candidates(model.thinning, model.first, within, upto, counts, target, chosen, active)
         # Step 4: fire, by whole rows for few species.
         if n_species <= GATHERED:
             for s in range(np.uint64(n_species)):

@@ -1,11 +1,12 @@
 """Which of the network's channels fires where several are merged into one: drawn by their shares of its propensity."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from kinetics.kernels.compiled import compiled
 from kinetics.kernels.streams import next_word, start_stream, uniform
+from kinetics.kernels.thinning import true_share
 
 NAMING = 0xD1B54A32D192ED03  # told apart from the streams of events by these bits of the key
 
@@ -15,6 +16,7 @@ class Members(NamedTuple):
 
     spans (G + 1,), channels (R,) : channel g stands for the network's channels[spans[g]] to channels[spans[g + 1]]
     weights, partners int32, less (R,) : the share of each is as weight * (x[partner] - less)
+    thinning : of a network in a crowd, whose factors multiply the shares; else None
     """
 
     spans: np.ndarray
@@ -22,6 +24,7 @@ class Members(NamedTuple):
     weights: np.ndarray
     partners: np.ndarray
     less: np.ndarray
+    thinning: Any = None
 
 
 @compiled
@@ -39,14 +42,21 @@ def member_at(members, chosen, counts, stream):
     # The members fire in proportion to weight * (x[partner] - less): the propensity without its common factor.
     total = 0.0
     for k in range(first, end):
-        total += members.weights[k] * (counts[members.partners[k]] - members.less[k])
+        total += member_share(members, k, counts)
     word, stream[0], stream[1], stream[2], stream[3] = next_word(stream[0], stream[1], stream[2], stream[3])
     target, part = uniform(word) * total, 0.0
     for k in range(first, end):
-        part += members.weights[k] * (counts[members.partners[k]] - members.less[k])
+        part += member_share(members, k, counts)
         if part > target or part == total:  # which rounding may have made the target
             return members.channels[k]
     return members.channels[end - 1]
+
+
+@compiled
+def member_share(members, k, counts):
+    """The propensity of a merged channel without the factor that all have in common."""
+    share = members.weights[k] * (counts[members.partners[k]] - members.less[k])
+    return share * true_share(members.thinning, k, counts)
 
 
 @compiled

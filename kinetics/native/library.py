@@ -58,6 +58,20 @@ class ChannelModel(Structure):
         ("changes", POINTER(c_int64)),
         *((name, c_int64) for name in ("n_channels", "n_species", "n_terms", "n_sums", "most_factors", "n_blocks")),
         ("any_general", c_int),
+        ("thinning", c_void_p),
+    ]
+
+
+class ThinningTables(Structure):
+    """`crowds.Thinning`, as sampling.h has it."""
+
+    _fields_ = [
+        *((name, POINTER(c_double)) for name in ("coefficients", "less", "slopes")),
+        *((name, POINTER(c_double)) for name in ("weights", "volumes", "factors")),
+        *((name, POINTER(c_int64)) for name in ("spans", "partners")),
+        ("ratio", c_double),
+        ("first", c_int64),
+        ("n_powers", c_int64),
     ]
 
 

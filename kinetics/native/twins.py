@@ -7,6 +7,7 @@ arguments and results of its twin in Python, named in its note, which runs where
 
 from __future__ import annotations
 
+import ctypes
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -21,6 +22,7 @@ from kinetics.native.library import (
     ChainMoves,
     ChannelModel,
     StopTable,
+    ThinningTables,
     call,
     filled,
     given,
@@ -88,14 +90,24 @@ _last = _Last()
 def _model(model: Any, changes: Ints) -> Any:
     if _last.given[0] is model and _last.given[1] is changes:
         return _last.made
-    n_channels, n_species = changes.shape
+    (n_channels, n_species), thinning = changes.shape, _thinning(model.thinning)
     _last.made = filled(
         ChannelModel, model.coefficients, model.less, model.terms, model.first, model.second, model.factors,
         model.is_general, changes, n_channels, n_species, len(model.terms), np.count_nonzero(model.terms[:, 3]),
         model.factors.shape[1], -(-n_channels // BLOCK), int(np.any(model.is_general)),
+        None if thinning is None else ctypes.addressof(thinning),
     )  # fmt: skip
+    _last.made.kept.append(thinning)
     _last.given = model, changes
     return _last.made
+
+
+def _thinning(thinning: Any) -> Any:
+    if thinning is None:
+        return None
+    tables = thinning.coefficients, thinning.less, thinning.slopes, thinning.weights, thinning.volumes, thinning.factors
+    numbers = thinning.ratio, thinning.first, thinning.factors.shape[1]
+    return filled(ThinningTables, *tables, thinning.spans, thinning.partners, *numbers)
 
 
 def _has_program(stop: Stop) -> bool:

@@ -25,6 +25,7 @@ from kinetics.network.checks import (
     checked_table,
     some_names,
 )
+from kinetics.network.crowding import Crowding
 from kinetics.network.fingerprint import fingerprint
 from kinetics.network.laws.on_demand import channel_laws, checked_events, checked_laws, split_rates
 from kinetics.network.parameters import Parameters
@@ -63,6 +64,8 @@ class Network(Shown):
     at_zero : what is done if a rate law is above 0 although reactants are missing, one of `AT_ZERO`
     given : parameters, and what follows from them: rate constants, which are then computed, and counts at time 0
     time_unit : name of the unit of time, for tables and axes; "" if none is stated
+    crowding : factors on propensities of mass action that depend on how crowded the tank is; None for none. `laws` then
+        has the laws that follow from them, which whatever knows no crowds reads
 
     Both tables may be given dense or as `SparseTable`. The dense ones, `reactants` and `stoichiometry`, are made when
     they are first used, so that tens of thousands of channels cost milliseconds. `dataclasses.replace` gives a network
@@ -88,6 +91,7 @@ class Network(Shown):
     at_zero: str = "block"
     given: Parameters = field(default_factory=Parameters)
     time_unit: str = ""
+    crowding: Crowding | None = None
 
     def __post_init__(self) -> None:
         species, channels = checked_names("species", self.species), checked_names("channels", self.channels)
@@ -111,6 +115,12 @@ class Network(Shown):
             events=checked_events(self.events, self.species_places),
             at_zero=checked_choice("at_zero", self.at_zero, AT_ZERO),
         )
+        if self.crowding is not None:
+            crowded = self.crowding.laws(self)
+            for name in crowded.keys() & laws.keys():
+                if laws[name].text != crowded[name].text:
+                    raise ValueError(f"channel {name!r} has a rate law and a factor of the crowd; leave out one of them")
+            set_fields(self, laws={**laws, **crowded})
 
     @cached_property
     def species_places(self) -> dict[str, int]:
@@ -188,12 +198,23 @@ class Network(Shown):
         Nothing else is rebuilt or checked again, so the cost is linear in the length of the arrays.
         """
         shape = (len(self.channels),)
-        return self._with(
+        other = self._with(
             rate_constants=reals("rate_constants", rate_constants, shape, minimum=0),
             ways=self.ways if ways is None else reals("ways", ways, shape, minimum=0),
             combinations=checked_choice("combinations", combinations or self.combinations, COMBINATIONS),
             given=self.given.without_rates(self.given.rates),
         )
+        if self.crowding is None or other.combinations == self.combinations:
+            return other
+        return other._with(laws={**self.laws, **self.crowding.laws(other)})
+
+    @property
+    def uncrowded(self) -> Network:
+        """The network without the factors of its crowd: mass action in their place. Cost: linear in laws."""
+        if self.crowding is None:
+            return self
+        crowded = {self.channels[r] for r in np.flatnonzero(self.crowding.is_changed)}
+        return self._with(laws={name: law for name, law in self.laws.items() if name not in crowded}, crowding=None)
 
     def with_parameters(self, /, **values: float) -> Network:
         """A copy with new values for these parameters, in rate constants, laws, events and counts."""

@@ -116,7 +116,7 @@ class Rates(Settings, AppliedRates):
         return Expansion.of(base, self.breaks.break_model)
 
     def crowded(self, expansion: Expansion, tank: Tank | None) -> Expansion:
-        """The expansion with rate laws that hold the crowd's factors in the tank of use; None for that of the rates."""
+        """The expansion with the crowd's factors in the tank of use; None for that of the rates."""
         if self.crowding is None:
             return expansion
         used = tank or self.measured_in
@@ -128,7 +128,7 @@ class Rates(Settings, AppliedRates):
         factors = self.crowding.crowding(expansion, used)
         if factors is None:
             return expansion
-        return replace(expansion, network=replace(expansion.network, laws=factors.laws(expansion.network)))
+        return replace(expansion, network=replace(expansion.network, crowding=factors))
 
     def known(self, network: Network) -> tuple[dict[str, MeasuredRate], None]:
         """The rate of each channel, which belongs to it alone."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from kinetics.network import Network
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
+from kinetics.sampling.crowds import has_bounds
 from kinetics.sampling.exact_methods import EXACT_METHODS
 from kinetics.sampling.leap_length import FEWEST_COPIES
 from kinetics.sampling.run_source import Sampler
@@ -65,14 +66,16 @@ class Auto(SamplingMethod):
         """The name `auto` with the name of the method chosen for this network and these counts."""
         return f"{self.name} ({self.choose(network, initial).name})"
 
-    def stopping(self, network: Network) -> SamplingMethod:
+    def stopping(self, network: Network, initial: Counts) -> SamplingMethod:
         """The method chosen among those that end runs at a condition."""
-        return self.choose(network, until=True)
+        return self.choose(network, initial, until=True)
 
     def prepared(self, network: Network) -> Sampler:
         """The network made ready for the method that the initial counts of its runs will choose."""
         return ChoosingSampler(
-            self.choose(network).prepared(network), lambda initial: self.choose(network, initial).prepared(network)
+            self.choose(network).prepared(network),
+            lambda initial: self.choose(network, initial).prepared(network),
+            partial(is_usual, network),
         )
 
     def sampler_of_rates(self, network: Network) -> Callable[[Floats], Sampler]:
@@ -83,17 +86,32 @@ class Auto(SamplingMethod):
             model = network.with_rates(constants)
             return self.choose(model, initial).prepared(model)
 
-        return lambda constants: ChoosingSampler(of_rates(constants), partial(chosen, constants))
+        usual: dict[bytes, bool] = {}
+
+        def takes_usual(initial: Ints) -> bool:
+            asked = initial.tobytes()
+            if asked not in usual:
+                usual[asked] = is_usual(network, initial)
+            return usual[asked]
+
+        return lambda constants: ChoosingSampler(of_rates(constants), partial(chosen, constants), takes_usual)
+
+
+def is_usual(network: Network, initial: Ints) -> bool:
+    """Whether these counts are too small for leaps to pay, and bound the factors of a crowd if there is one."""
+    return initial.max(initial=0) < FEWEST_COPIES and has_bounds(network, initial)
 
 
 class ChoosingSampler:
     """Runs of the method that is chosen by their initial counts, which come with the runs.
 
-    usual : the sampler of counts too small for leaps to pay; of_large(initial) gives the sampler of larger counts
+    usual : the sampler of counts for which is_usual(initial); of_others(initial) gives the sampler of other counts
     """
 
-    def __init__(self, usual: Sampler, of_large: Callable[[Ints], Sampler]):
-        self.usual, self.of_large = usual, of_large
+    def __init__(
+        self, usual: Sampler, of_others: Callable[[Ints], Sampler], is_usual: Callable[[Ints], bool]
+    ):
+        self.usual, self.of_others, self.is_usual = usual, of_others, is_usual
         self.chosen: dict[bytes, Sampler] = {}
 
     def ensemble(
@@ -107,9 +125,9 @@ class ChoosingSampler:
         return self._from(initial).path(initial, end, key, run, watch)
 
     def _from(self, initial: Ints) -> Sampler:
-        if initial.max(initial=0) < FEWEST_COPIES:
+        if self.is_usual(initial):
             return self.usual
         asked = initial.tobytes()
         if asked not in self.chosen:
-            self.chosen[asked] = self.of_large(initial)
+            self.chosen[asked] = self.of_others(initial)
         return self.chosen[asked]

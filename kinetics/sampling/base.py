@@ -15,6 +15,7 @@ from kinetics.network import Network
 from kinetics.network.predicates import Condition
 from kinetics.runs import Ensemble, FirstTimes, JumpPath
 from kinetics.sampling.cost_model import NetworkSize
+from kinetics.sampling.crowds import unbounded
 from kinetics.sampling.mass_action import order_refusal
 from kinetics.sampling.outlook import Outlook
 from kinetics.sampling.run_source import RunSource, Sampler
@@ -44,6 +45,7 @@ class SamplingMethod(ABC):
 
     name: ClassVar[str]
     takes_rate_laws: ClassVar[bool] = False  # other than mass action
+    takes_crowds: ClassVar[bool] = False  # by thinning, see `sampling.crowds`; who takes rate laws takes them too
     takes_events: ClassVar[bool] = False
     takes_until: ClassVar[bool] = False  # a condition at which runs end: its sampler heeds `Watch.until`
     most_reactants: ClassVar[float] = inf  # of a channel
@@ -66,6 +68,11 @@ class SamplingMethod(ABC):
 
         A method with a limit that no trait expresses overrides it, and asks this one first.
         """
+        if self.takes_crowds and network.crowding is not None:
+            size = NetworkSize.of(network) if size is None else size
+            if not size.has_bounds:
+                return f"{unbounded(network)}; the method {self.name!r} takes no others: use 'general', or 'auto'"
+            return self.unsupported_reason(network.uncrowded, size)
         odd = [] if self.takes_rate_laws else [f"a rate law for channel {name!r}" for name in network.laws]
         odd += [] if self.takes_events else [f"event {event.name!r}" for event in network.events]
         if odd:
@@ -117,7 +124,7 @@ class SamplingMethod(ABC):
         """
         return lambda constants: self.sampler(network.with_rates(constants))
 
-    def stopping(self, network: Network) -> SamplingMethod:  # noqa: ARG002
+    def stopping(self, network: Network, initial: Counts) -> SamplingMethod:  # noqa: ARG002
         """The method for runs that end at a condition: itself, or the one it chooses; a ValueError if there is none."""
         if not self.takes_until:
             raise ValueError(
@@ -137,7 +144,7 @@ class SamplingMethod(ABC):
         start = network.state(initial)
         stop, is_there = (None, False) if until is None else stop_at(until, network, start)
         return RunSource(
-            (self if until is None else self.stopping(network)).sampler(network),
+            (self if until is None else self.stopping(network, start)).sampler(network),
             start,
             stream_key(seed),
             outlook=Outlook(network),
@@ -192,7 +199,7 @@ class SamplingMethod(ABC):
         """
         check_numbers(runs, threads, first_run)
         end = _horizon(times)
-        source, method = self.source(network, initial, seed, max_events, until), self.stopping(network)
+        source, method = self.source(network, initial, seed, max_events, until), self.stopping(network, initial)
         text = until if isinstance(until, str) else until.text
         name = self.name if method is self else f"{self.name} ({method.name})"
         grid = np.array([min(end, np.finfo(float).max)])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinetics.network import Network
+from kinetics.sampling.crowds import has_bounds
 from kinetics.sampling.leap_length import events_of_leap
 from kinetics.sampling.merging import representatives
 from kinetics.support.arrays import Ints
@@ -22,6 +23,7 @@ class NetworkSize:
         count twice
     n_merged : channels once those that change the same are merged, see `merging`
     leap_events : events of an exact leap from the initial counts; 0 if it does not pay, or counts are not given
+    in_crowd, has_bounds : whether a crowd changes its rates, and whether from these counts its factors have bounds
     """
 
     n_channels: int
@@ -30,6 +32,8 @@ class NetworkSize:
     updated: float
     n_merged: int
     leap_events: float = 0.0
+    in_crowd: bool = False
+    has_bounds: bool = True
 
     @classmethod
     def of(cls, network: Network, initial: Ints | None = None) -> NetworkSize:
@@ -41,7 +45,8 @@ class NetworkSize:
         updated = readers[change.columns].sum() / max(1, n_channels)
         n_merged = int((representatives(network) == np.arange(n_channels)).sum())
         leap_events = 0.0 if initial is None else events_of_leap(network, initial)
-        return cls(n_channels, n_species, order, updated, n_merged, leap_events)
+        crowd = network.crowding is not None, has_bounds(network, initial)
+        return cls(n_channels, n_species, order, updated, n_merged, leap_events, *crowd)
 
     @staticmethod
     def orders(network: Network) -> Ints:

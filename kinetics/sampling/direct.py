@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from math import inf
 from typing import ClassVar
 
 import numpy as np
@@ -18,7 +19,7 @@ from kinetics.network import Network
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.dependency_graph import updating_sampler
-from kinetics.sampling.merging import Merging
+from kinetics.sampling.merging import MergedChannels, Merging
 from kinetics.sampling.run_source import Sampler
 from kinetics.sampling.watch import Watch, in_turn
 from kinetics.support.arrays import Floats, Ints
@@ -46,6 +47,7 @@ class Direct(SamplingMethod):
     name: ClassVar[str] = "ssa"
     start_cost: ClassVar[float] = 60.0
     takes_until: ClassVar[bool] = True
+    takes_crowds: ClassVar[bool] = True
 
     def prepared(self, network: Network) -> Sampler:
         """The network made ready for `kernels.direct`, or with its dependency graph for `kernels.grouped`."""
@@ -74,8 +76,8 @@ def recomputing_cost(size: NetworkSize) -> float:
 
 
 def updating_cost(size: NetworkSize) -> float:
-    """Processor time, ns, of an event that updates only the propensities that it changed."""
-    return 48.0 + size.update_cost + 0.13 * size.n_channels
+    """Processor time, ns, of an event that updates only the propensities that it changed; inf in a crowd."""
+    return inf if size.in_crowd else 48.0 + size.update_cost + 0.13 * size.n_channels
 
 
 class RecomputingSampler:
@@ -85,6 +87,7 @@ class RecomputingSampler:
         self.merging = Merging.of(network)
         self.constants: Floats | None = None
         self.model = self.merging.model()
+        self.models: dict[bytes, MergedChannels] = {}  # of a crowd, by initial counts
         self.changes = network.stoichiometry[self.merging.representatives]
 
     def with_constants(self, constants: Floats) -> RecomputingSampler:
@@ -92,7 +95,18 @@ class RecomputingSampler:
         other = copy(self)
         other.constants = constants
         other.model = self.merging.model(constants)
+        other.models = {}
         return other
+
+    def model_from(self, initial: Ints) -> MergedChannels:
+        """The tables for runs from counts (S,), which matter to a network in a crowd alone."""
+        thinning = self.merging.thinning(initial)
+        if thinning is None:
+            return self.model
+        asked = initial.tobytes()
+        if asked not in self.models:
+            self.models[asked] = self.merging.model(self.constants, thinning)
+        return self.models[asked]
 
     def ensemble(
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints, watch: Watch
@@ -100,7 +114,7 @@ class RecomputingSampler:
         """Fill `out` (runs, T, S) as far as the watch needs it."""
         work = ensemble_work(initial.size)
         stopping = watch.stop_of(first_run, len(out), self.merging.representatives)
-        go_on = twins.direct(self.model, self.changes, work, initial, grid, key, first_run, out, stopping)
+        go_on = twins.direct(self.model_from(initial), self.changes, work, initial, grid, key, first_run, out, stopping)
         in_turn(watch, first_run, work.notes, work.clock, work.counts[:-1], go_on)
 
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
@@ -109,19 +123,21 @@ class RecomputingSampler:
         kernels.streams.start_stream(key, run, stream)
         kernels.members.start_naming(key, run, naming)
         counts, state, clock = np.append(initial, 1), np.append(initial, 1), np.zeros(3)
-        named = self.merging.named(self.constants)
+        model, n_channels = self.model_from(initial), len(self.changes)
+        named = self.merging.named(self.constants, self.merging.thinning(initial))
         stop, reached = watch.stop_of(run, 1, self.merging.representatives)
         pieces = []
         made, look = 0, watch.first_look
         while True:
             room = min(BUFFER, look - made)
             times, channels = np.empty(room), np.empty(room, dtype=np.int64)
-            outcome, n_events = twins.events(
-                self.model, self.changes, counts, clock, end, stream, times, channels, stop
-            )
-            kernels.members.attribute_channels(named, self.changes, state, channels[:n_events], naming)
-            pieces.append((times[:n_events], channels[:n_events]))
+            outcome, n_events = twins.events(model, self.changes, counts, clock, end, stream, times, channels, stop)
             made += n_events
+            times, channels = times[:n_events], channels[:n_events]
+            if model.thinning is not None:  # candidates that were thrown away
+                times, channels = times[channels < n_channels], channels[channels < n_channels]
+            kernels.members.attribute_channels(named, self.changes, state, channels, naming)
+            pieces.append((times, channels))
             watch.hear()
             if outcome == UNFINISHED and made == look:
                 look = watch.look(run, made, float(clock[0]), counts[:-1])

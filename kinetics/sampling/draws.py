@@ -129,7 +129,7 @@ def first_times_of_draws(
     if is_there:
         raise ValueError(f"{until} holds at the start")
     grid = some_times([end]).copy()
-    made = (method or Auto()).stopping(network)
+    made = (method or Auto()).stopping(network, start)
     outlook = Outlook(network.with_rates(table[0]))
     watch = Watch(grid, outlook, first_run=first_run, until=stop, runs=runs * len(table))
     counts = simulate_posterior(model, table, grid, runs, seed, method=made, first_run=first_run, watch=watch)

@@ -45,6 +45,7 @@ class Lockstep(SamplingMethod):
     name: ClassVar[str] = "lockstep"
     start_cost: ClassVar[float] = 50.0
     takes_until: ClassVar[bool] = True
+    takes_crowds: ClassVar[bool] = True
     max_channels: ClassVar[float] = 2000
     is_for_ensembles: ClassVar[bool] = True
 
@@ -96,9 +97,12 @@ class LockstepSampler:
         if len(out) < FEWEST_RUNS or not is_exact:
             self.one_by_one.ensemble(initial, grid, key, first_run, out, watch)
             return
-        lanes, is_odd = Lanes(self.model, self.changes), np.zeros(len(out), dtype=bool)
+        model = self.model
+        if self.merging.crowded is not None and isinstance(self.one_by_one, RecomputingSampler):
+            model = self.one_by_one.model_from(initial)
+        lanes, is_odd = Lanes(model, self.changes), np.zeros(len(out), dtype=bool)
         here, stopping = lanes.arrays, watch.stop_of(first_run, len(out), self.merging.representatives)
-        go_on = twins.lockstep(self.model, self.changes, lanes, initial, grid, key, first_run, out, is_odd, stopping)
+        go_on = twins.lockstep(model, self.changes, lanes, initial, grid, key, first_run, out, is_odd, stopping)
         n_active, first_look = 1, watch.first_look
         while n_active:
             until = here["looks"][: here["notes"][0]].min(initial=here["notes"][2] + first_look)

@@ -7,7 +7,7 @@ z = sum of w_Y x_Y, which all breaks share whose partners have the same weights 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from kinetics import kernels
 from kinetics.network import Network
+from kinetics.sampling.crowds import Thinning, thinning_of
 from kinetics.sampling.mass_action import MassAction, mass_action
 from kinetics.support.arrays import Floats, Ints, read_only
 
@@ -31,6 +32,7 @@ class MergedChannels(NamedTuple):
         second of S + 1 + f stands for sum f
     terms (M, 4) : of the sums, one after another: a weight, the species s and what is taken from its copies, for
         weight * (x[s] - taken); and S + 1 + f in the last term of sum f, else 0
+    thinning : of a network in a crowd; None where all events are as propensities have it
     """
 
     coefficients: np.ndarray
@@ -40,13 +42,15 @@ class MergedChannels(NamedTuple):
     is_general: np.ndarray
     factors: np.ndarray
     terms: np.ndarray
+    thinning: Thinning | None = None
 
 
 def representatives(network: Network) -> Ints:
     """(R,) the first of the channels that each channel can be merged with; itself where there is none before.
 
     They change the counts alike, and are of mass action in at most two reactants, one of them a species that is used
-    up. Cost: about 1 us a channel, once a network; among more than `MOST_CHANNELS`, none is merged.
+    up. Factors of a crowd make no difference. Cost: about 1 us a channel, once a network; among more than
+    `MOST_CHANNELS`, none is merged.
     """
     if len(network.channels) > MOST_CHANNELS:
         return np.arange(len(network.channels))
@@ -63,7 +67,8 @@ def _found_representatives(network: Network) -> Ints:
     n_channels = len(network.channels)
     representative = np.arange(n_channels)
     can = (np.bincount(needed.rows, needed.copies, n_channels) <= 2) & (_used_up(network) >= 0)
-    can &= np.array([name not in network.laws for name in network.channels], dtype=bool)
+    laws = network.uncrowded.laws
+    can &= np.array([name not in laws for name in network.channels], dtype=bool)
     if network.combinations == "product":
         can[needed.rows[needed.copies > 1]] = False
     seen: dict[tuple[bytes, bytes], int] = {}
@@ -89,6 +94,8 @@ class Merging:
     laws : the network's channels, those that are merged beside each other
     used (R,) : the species that a channel uses up
     members (R,), spans (G + 1,) : channel g stands for the network's members[spans[g]] to members[spans[g + 1]]
+    crowded : the network, if the factors of a crowd change any of its channels, which are the last ones; else None
+    thinnings : what is known of its runs by their initial counts
     """
 
     laws: MassAction
@@ -96,25 +103,44 @@ class Merging:
     members: Ints
     spans: Ints
     n_species: int
+    crowded: Network | None = None
+    thinnings: dict[bytes, Thinning] = field(default_factory=dict)
 
     @classmethod
     def of(cls, network: Network, representative: Ints | None = None) -> Merging:
         """Channels merged with their `representative` (R,), by default wherever it can be."""
         representative = representatives(network) if representative is None else representative
-        members = np.argsort(representative, kind="stable")
+        is_last = np.zeros(representative.size, dtype=bool)
+        if network.crowding is not None:
+            is_last = np.isin(representative, representative[network.crowding.is_changed])
+        members = np.lexsort((representative, is_last))
         spans = np.append(np.flatnonzero(np.diff(representative[members], prepend=-1)), members.size)
         laws = MassAction(*(part[members] for part in mass_action(network)))
-        return cls(laws, _used_up(network)[members], members, spans, len(network.species))
+        crowded = network if is_last.any() else None
+        return cls(laws, _used_up(network)[members], members, spans, len(network.species), crowded)
 
     @property
     def representatives(self) -> Ints:
         """(G,) the first of the network's channels that each channel stands for."""
         return self.members[self.spans[:-1]]
 
-    def model(self, constants: Floats | None = None) -> MergedChannels:
+    def thinning(self, initial: Ints) -> Thinning | None:
+        """The thinning of runs from counts (S,), its coefficients without rate constants; None without a crowd."""
+        if self.crowded is None:
+            return None
+        asked = initial.tobytes()
+        if asked not in self.thinnings:
+            tables = self.spans, self.members, self._partners, self.laws.less
+            self.thinnings[asked] = thinning_of(self.crowded, initial, *tables)
+        return self.thinnings[asked]
+
+    def model(self, constants: Floats | None = None, thinning: Thinning | None = None) -> MergedChannels:
         """The tables that the kernels read; `constants` (R,) replace rate constants of 1."""
         laws, starts = self.laws, self.spans[:-1]
         shares = self._coefficients(constants)
+        if thinning is not None:
+            shares = shares * thinning.coefficients
+            thinning = thinning._replace(coefficients=shares)
         coefficients, first, second = shares[starts], laws.first[starts], laws.second[starts]
         less = laws.less[starts]
         merged = np.flatnonzero(np.diff(self.spans) > 1)
@@ -125,11 +151,24 @@ class Merging:
             np.add.at(table, (row_of, self._partners), shares)
             own = self.used[starts]
             first[merged] = own[merged]
+            alone = np.zeros(starts.size)
+            if thinning is not None:
+                # What needs no partner is added after the sum, but for what rises with the sum of all surface.
+                alone, table[:, -1] = table[:, -1].copy(), 0.0
+                np.add.at(table[:, -1], row_of, shares * thinning.slopes)
+                is_bare = ~table[merged].any(axis=1)
+                bare, merged = merged[is_bare], merged[~is_bare]
+                coefficients[bare], second[bare], less[bare] = alone[bare], self.n_species, 0.0
         while merged.size:
             weights, scale, is_alike, is_taken = _shared(table[merged], own[merged[0]])
             alike = merged[is_alike]
             coefficients[alike], second[alike] = scale[is_alike], self.n_species + len(terms)
             less[alike] = 0.0 if is_taken.any() else weights[own[alike]]
+            if thinning is not None:
+                less[alike] -= alone[alike] / coefficients[alike]
+                surface, weights = weights[-1] * thinning.weights, np.append(weights[:-1], 0.0)
+                weights[:-1] += surface
+                less[alike] -= np.append(surface, 0.0)[own[alike]] * is_taken[own[alike]]
             there = np.union1d(np.flatnonzero(weights), own[alike[0]])  # at least one term, if all weights are 0
             terms.append(np.column_stack([weights[there], there, is_taken[there], np.zeros(there.size)]))
             terms[-1][-1, 3] = second[alike[0]]
@@ -142,13 +181,17 @@ class Merging:
             laws.is_general[starts],
             laws.factors[starts],
             np.concatenate(terms),
+            thinning,
         )
 
-    def named(self, constants: Floats | None = None) -> kernels.members.Members:
-        """The tables by which kernels attribute an event to a channel of the network; `constants` as for `model`."""
-        return kernels.members.Members(
-            self.spans, self.members, self._coefficients(constants), self._partners, self.laws.less
-        )
+    def named(
+        self, constants: Floats | None = None, thinning: Thinning | None = None
+    ) -> kernels.members.Members:
+        """The tables by which kernels attribute an event to a channel of the network; arguments as for `model`."""
+        weights = self._coefficients(constants)
+        if thinning is not None:
+            weights = weights * thinning.coefficients
+        return kernels.members.Members(self.spans, self.members, weights, self._partners, self.laws.less, thinning)
 
     def _coefficients(self, constants: Floats | None) -> Floats:
         return self.laws.coefficients if constants is None else self.laws.coefficients * constants[self.members]

@@ -2,6 +2,7 @@
 
 #include "sampling.h"
 #include "streams.h"
+#include "thinning.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -71,6 +72,22 @@ INLINE int64_t chosen_channel(const Room *room, double target, double total)
     while (room->within[chosen] <= target && room->within[chosen] < part)
         chosen++;
     return chosen;
+}
+
+/* The rate of events, and of candidates in a crowd. */
+INLINE double with_candidates(const Thinning *thinning, const Room *room, double total)
+{
+    return thinning ? total + thinning->ratio * (total - uncrowded(thinning, room->within, room->upto, 1)) : total;
+}
+
+/* The channel at a target within the events, whose total is `surely`, and candidates: n_channels where nothing is
+ * changed. */
+INLINE int64_t event_channel(const Model *model, const Thinning *thinning, const Room *room, double target,
+                             double surely, double total)
+{
+    if (thinning && target >= surely && surely < total)
+        return kept_channel(model, room->within, room->copies, 1, target - surely);
+    return chosen_channel(room, target, total);
 }
 
 /* An event has left the clock at t: clock.stands_still. */
@@ -145,7 +162,7 @@ typedef struct {
 
 /* Go on with a run until it has passed so many times of the grid, or has had so many events. */
 INLINE int advance(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last,
-                   Standing *at, int64_t *out, const Stop *stop)
+                   Standing *at, int64_t *out, const Stop *stop, const Thinning *thinning)
 {
     const int64_t n_species = model->n_species;
     uint64_t s[4]; /* copies, which the compiler keeps in registers */
@@ -154,7 +171,7 @@ INLINE int advance(const Model *model, const Room *room, const double *grid, int
     int64_t passed = at->passed, n_events = at->n_events;
     int outcome = passed < n_times ? UNFINISHED : REACHED_END;
     while (outcome == UNFINISHED && n_events < last) {
-        const double total = total_propensity(model, room);
+        const double surely = total_propensity(model, room), total = with_candidates(thinning, room, surely);
         double later;
         outcome = next_time(t, total, s, &later, at->clock);
         if (outcome != UNFINISHED)
@@ -168,8 +185,8 @@ INLINE int advance(const Model *model, const Room *room, const double *grid, int
         }
         t = later;
         const double share = uniform(next_word(s, s + 1, s + 2, s + 3));
-        const int64_t chosen = chosen_channel(room, share * total, total);
-        if (!fire(model, room, chosen)) {
+        const int64_t chosen = event_channel(model, thinning, room, share * total, surely, total);
+        if (!(thinning && chosen == model->n_channels) && !fire(model, room, chosen)) {
             outcome = overflowed(model, room, chosen);
             break;
         }
@@ -185,13 +202,19 @@ INLINE int advance(const Model *model, const Room *room, const double *grid, int
 static int go_on(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last, Standing *at,
                  int64_t *out)
 {
-    return advance(model, room, grid, n_times, last, at, out, NULL);
+    return advance(model, room, grid, n_times, last, at, out, NULL, NULL);
 }
 
 static int go_on_until(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last,
                        Standing *at, int64_t *out, const Stop *stop)
 {
-    return advance(model, room, grid, n_times, last, at, out, stop);
+    return advance(model, room, grid, n_times, last, at, out, stop, NULL);
+}
+
+static int go_on_thinned(const Model *model, const Room *room, const double *grid, int64_t n_times, int64_t last,
+                         Standing *at, int64_t *out, const Stop *stop)
+{
+    return advance(model, room, grid, n_times, last, at, out, stop, model->thinning);
 }
 
 /* One block of memory, divided among the arrays of a workspace; NULL if there is none. */
@@ -236,8 +259,9 @@ int direct(const Model *model, int64_t *counts, double *clock, uint64_t *stream,
         const int64_t made = at.n_events, last = notes[LOOK] < made + most ? notes[LOOK] : made + most;
         const int64_t needed = notes[RUN] < limits[2] ? limits[0] : limits[1];
         int64_t *counts_of_run = out + notes[RUN] * n_times * model->n_species;
-        outcome = stop ? go_on_until(model, &room, grid, needed, last, &at, counts_of_run, stop)
-                       : go_on(model, &room, grid, needed, last, &at, counts_of_run);
+        outcome = model->thinning ? go_on_thinned(model, &room, grid, needed, last, &at, counts_of_run, stop)
+                  : stop          ? go_on_until(model, &room, grid, needed, last, &at, counts_of_run, stop)
+                                  : go_on(model, &room, grid, needed, last, &at, counts_of_run);
         if (outcome == STOPPED) {
             reached[notes[RUN]] = at.clock[0];
             for (; at.passed < needed; at.passed++)
@@ -261,16 +285,16 @@ int direct(const Model *model, int64_t *counts, double *clock, uint64_t *stream,
     return outcome;
 }
 
-/* Go on with a run until `end`, or until the buffers of events are full: the outcome, -1 without memory. */
-int events(const Model *model, int64_t *counts, double *clock, const double *end, uint64_t *stream, double *times,
-           int64_t *fired, int64_t most, int64_t *n_events, const Stop *stop)
+INLINE int followed(const Model *model, int64_t *counts, double *clock, const double *end, uint64_t *stream,
+                    double *times, int64_t *fired, int64_t most, int64_t *n_events, const Stop *stop,
+                    const Thinning *thinning)
 {
     Room room;
     double t = clock[0], *memory = make_room(model, counts, &room);
     int outcome = memory ? UNFINISHED : -1;
     *n_events = 0;
     while (outcome == UNFINISHED && *n_events < most) {
-        const double total = total_propensity(model, &room);
+        const double surely = total_propensity(model, &room), total = with_candidates(thinning, &room, surely);
         double later;
         outcome = next_time(t, total, stream, &later, clock);
         if (outcome != UNFINISHED)
@@ -282,8 +306,8 @@ int events(const Model *model, int64_t *counts, double *clock, const double *end
             break;
         }
         const double share = uniform(next_word(stream, stream + 1, stream + 2, stream + 3));
-        const int64_t channel = chosen_channel(&room, share * total, total);
-        if (!fire(model, &room, channel)) {
+        const int64_t channel = event_channel(model, thinning, &room, share * total, surely, total);
+        if (!(thinning && channel == model->n_channels) && !fire(model, &room, channel)) {
             outcome = overflowed(model, &room, channel);
             break;
         }
@@ -297,4 +321,13 @@ int events(const Model *model, int64_t *counts, double *clock, const double *end
     clock[0] = t;
     free(memory);
     return outcome;
+}
+
+/* Go on with a run until `end`, or until the buffers of events are full: the outcome, -1 without memory. */
+int events(const Model *model, int64_t *counts, double *clock, const double *end, uint64_t *stream, double *times,
+           int64_t *fired, int64_t most, int64_t *n_events, const Stop *stop)
+{
+    if (model->thinning)
+        return followed(model, counts, clock, end, stream, times, fired, most, n_events, stop, model->thinning);
+    return followed(model, counts, clock, end, stream, times, fired, most, n_events, stop, NULL);
 }

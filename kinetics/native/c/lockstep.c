@@ -2,6 +2,7 @@
 
 #include "sampling.h"
 #include "streams.h"
+#include "thinning.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -97,6 +98,22 @@ INLINE void sum_propensities(Work *work, int64_t active)
     }
 }
 
+/* Candidates besides the events, in a crowd. */
+INLINE void add_candidates(Work *work, int64_t active)
+{
+    const Thinning *thinning = work->model->thinning;
+    const int64_t last = thinning->first - 1; /* of the channels that the crowd does not change */
+    const double ratio = thinning->ratio;
+    double *before = work->part, *total = work->total;
+    if (last >= 0 && last < BLOCK)
+        before = work->within[last];
+    else
+        for (int64_t lane = 0; lane < active; lane++)
+            before[lane] = last < 0 ? 0.0 : work->within[last][lane] + work->upto[last / BLOCK - 1][lane];
+    for (int64_t lane = 0; lane < active; lane++)
+        total[lane] += ratio * (total[lane] - before[lane]);
+}
+
 /* Draw the time of the next event of each lane, and where in the total it falls; how many pass a time of the grid.
  * `part` keeps the times before. */
 INLINE int64_t move_clocks(Work *work, int64_t active)
@@ -179,6 +196,32 @@ CLONES static int64_t step(Work *work, int64_t active)
 CLONES static void finish_step(Work *work, int64_t active)
 {
     choose(work, active);
+    fire(work, active);
+}
+
+/* The same for a network in a crowd: `drew` are the lanes that drew a candidate, if they go on with their run. */
+CLONES static int64_t step_thinned(Work *work, int64_t active)
+{
+    sum_terms(work, active);
+    sum_propensities(work, active);
+    add_candidates(work, active);
+    int64_t n_odd = move_clocks(work, active);
+    const double *surely = work->upto[work->model->n_blocks - 1];
+    for (int64_t lane = 0; lane < active; lane++)
+        n_odd += work->target[lane] >= surely[lane];
+    return n_odd;
+}
+
+CLONES static void finish_step_thinned(Work *work, int64_t active, const int64_t *drew, int64_t n_drew)
+{
+    const double *surely = work->upto[work->model->n_blocks - 1];
+    choose(work, active);
+    for (int64_t i = 0; i < n_drew; i++) {
+        const int64_t lane = drew[i];
+        if (surely[lane] < work->total[lane] && work->target[lane] < INFINITY)
+            work->chosen[lane] = kept_channel(work->model, *work->within + lane, *work->counts + lane, LANES,
+                                              work->target[lane] - surely[lane]);
+    }
     fire(work, active);
 }
 
@@ -267,10 +310,9 @@ CLONES static int none_holds(Work *work, const Stop *stop, int64_t active)
     return row[YES] == HOLDS ? n_inside == 0 : n_inside == active;
 }
 
-/* `lockstep.lockstep`. The grid has n_times times. */
-void lockstep(const Model *model, Work *work, const int64_t *initial, const double *grid, int64_t n_times,
-              const uint64_t *key, int64_t first_run, const int64_t *limits, int64_t runs, int64_t *out, char *is_odd,
-              int64_t most, const Stop *stop, double *reached)
+INLINE void go_on(const Model *model, Work *work, const int64_t *initial, const double *grid, int64_t n_times,
+                  const uint64_t *key, int64_t first_run, const int64_t *limits, int64_t runs, int64_t *out,
+                  char *is_odd, int64_t most, const Stop *stop, double *reached, const int in_crowd)
 {
     const int64_t n_species = model->n_species, last = work->steps + most;
     int64_t active = work->active;
@@ -284,7 +326,8 @@ void lockstep(const Model *model, Work *work, const int64_t *initial, const doub
             work->upcoming[lane] = -INFINITY; /* its run is over */
     }
     while (active > 0 && work->steps < last) {
-        int64_t n_crossed = step(work, active), n_ended = 0;
+        int64_t drew[LANES], n_drew = 0;
+        int64_t n_crossed = in_crowd ? step_thinned(work, active) : step(work, active), n_ended = 0;
         if (++work->steps % 1024 == 0) /* with changes below 2**40, no count can pass 2**53 in between */
             for (int64_t s = 0; s < n_species; s++)
                 for (int64_t lane = 0; lane < active; lane++)
@@ -293,6 +336,8 @@ void lockstep(const Model *model, Work *work, const int64_t *initial, const doub
                         n_crossed++;
                     }
         for (int64_t lane = 0; n_crossed > 0 && lane < active; lane++) {
+            if (in_crowd && work->target[lane] >= work->upto[model->n_blocks - 1][lane])
+                drew[n_drew++] = lane;
             if (!(work->t[lane] > work->upcoming[lane]))
                 continue;
             const int stuck = is_stuck(work, lane);
@@ -317,7 +362,10 @@ void lockstep(const Model *model, Work *work, const int64_t *initial, const doub
                 n_ended++;
             }
         }
-        finish_step(work, active);
+        if (in_crowd)
+            finish_step_thinned(work, active, drew, n_drew);
+        else
+            finish_step(work, active);
         const int64_t n_asked = stop && !none_holds(work, stop, active) ? active : 0;
         for (int64_t lane = 0; lane < n_asked; lane++) {
             if (work->run[lane] < 0 || !stop->affects_stop[work->chosen[lane]] || !holds(work, stop, lane))
@@ -337,4 +385,15 @@ void lockstep(const Model *model, Work *work, const int64_t *initial, const doub
             active = closed_ranks(work, active);
     }
     work->active = active;
+}
+
+/* `lockstep.lockstep`. The grid has n_times times. */
+void lockstep(const Model *model, Work *work, const int64_t *initial, const double *grid, int64_t n_times,
+              const uint64_t *key, int64_t first_run, const int64_t *limits, int64_t runs, int64_t *out, char *is_odd,
+              int64_t most, const Stop *stop, double *reached)
+{
+    if (model->thinning)
+        go_on(model, work, initial, grid, n_times, key, first_run, limits, runs, out, is_odd, most, stop, reached, 1);
+    else
+        go_on(model, work, initial, grid, n_times, key, first_run, limits, runs, out, is_odd, most, stop, reached, 0);
 }

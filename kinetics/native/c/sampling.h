@@ -6,6 +6,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Candidates of a network in a crowd: see `sampling.crowds.Thinning`. */
+typedef struct {
+    const double *coefficients, *less, *slopes;  /* (R,) */
+    const double *weights, *volumes, *factors;   /* (S,), (S,), (R, D) */
+    const int64_t *spans, *partners;             /* (G + 1,), (R,) */
+    double ratio;
+    int64_t first, n_powers;
+} Thinning;
+
 typedef struct {
     const double *coefficients, *less, *terms; /* (G,), (G,), (M, 4) */
     const int64_t *first, *second, *factors;   /* (G,), (G,), (G, K, 3) */
@@ -13,6 +22,7 @@ typedef struct {
     const int64_t *changes;                    /* (G, S) */
     int64_t n_channels, n_species, n_terms, n_sums, most_factors, n_blocks;
     int any_general;
+    const Thinning *thinning; /* NULL without a crowd */
 } Model;
 
 /* The condition at which runs end: see `ensemble_work.Stop`, whose table has these entries of a comparison. */
