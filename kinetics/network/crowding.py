@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from math import factorial, inf
 from typing import TYPE_CHECKING, Protocol
 
@@ -93,7 +94,7 @@ class Crowding:
             found = found * z + column
         return np.asarray(found / free[..., None] + self.coefficients[:, 0])
 
-    @property
+    @cached_property
     def is_changed(self) -> NDArray[np.bool_]:
         """(R,) whether the crowd changes a channel."""
         return np.asarray((self.coefficients[:, 0] != 1) | self.coefficients[:, 1:].any(axis=1))

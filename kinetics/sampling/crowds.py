@@ -53,12 +53,17 @@ def has_bounds(network: Network, start: Ints | None = None) -> bool:
     crowding = network.crowding
     if crowding is None:
         return True
-    any_counts = np.zeros(len(network.species))
-    low, high = crowding.ranges(network.conserved, any_counts if start is None else start)
-    if not high[0] < inf or not high[1] < 1:
-        return False
-    least, most = crowding.factors_at([low[0], high[0]], [1 - low[1], 1 - high[1]])
-    return start is None or bool((most <= MOST_RATIO * least).all())
+    if start is None and any(amount.min() > 0 for amount in network.conserved.values()):
+        return True
+    low, high = crowding.ranges(network.conserved, np.zeros(len(network.species)) if start is None else start)
+    if start is None or not high[0] < inf or not high[1] < 1:
+        return bool(high[0] < inf and high[1] < 1)
+    return are_near(*crowding.factors_at([low[0], high[0]], [1 - low[1], 1 - high[1]]))
+
+
+def are_near(least: Floats, most: Floats) -> bool:
+    """Whether highest factors (R,) are at most `MOST_RATIO` times the lowest."""
+    return bool((most <= MOST_RATIO * least).all())
 
 
 def thinning_of(network: Network, start: Ints, spans: Ints, members: Ints, partners: Ints, less: Floats) -> Thinning:
@@ -71,12 +76,15 @@ def thinning_of(network: Network, start: Ints, spans: Ints, members: Ints, partn
     that weights stay alike; at walls they may rise with s, which as a sum over bodies goes into that of the weights.
     """
     crowding = network.crowding
-    if crowding is None or not has_bounds(network, start):
-        raise ValueError(f"{unbounded(network)}: use the method 'general', or 'auto'")
+    assert crowding is not None
     (s, phi), (most_s, most_phi) = crowding.ranges(network.conserved, start)
+    is_bounded = most_s < inf and most_phi < 1
     surfaces, free = np.array([s, s, most_s]), 1 - np.array([phi, most_phi, most_phi])
-    least, most_there, most = crowding.factors_at(surfaces, free)[:, members]
-    least *= 1 - ROUNDED
+    if is_bounded:
+        least, most_there, most = crowding.factors_at(surfaces, free)[:, members]
+    if not is_bounded or not are_near(least, most):
+        raise ValueError(f"{unbounded(network)}: use the method 'general', or 'auto'")
+    least = least * (1 - ROUNDED)
     sizes, n_species = np.diff(spans), len(network.species)
     group = np.repeat(np.arange(sizes.size), sizes)
     is_body = (sizes > 1)[group] & (partners < n_species)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf
 from typing import ClassVar
 
@@ -51,10 +52,10 @@ class Direct(SamplingMethod):
 
     def prepared(self, network: Network) -> Sampler:
         """The network made ready for `kernels.direct`, or with its dependency graph for `kernels.grouped`."""
-        size = NetworkSize.of(network)
-        if recomputing_cost(size) <= updating_cost(size):
+        if network.crowding is not None:
             return RecomputingSampler(network)
-        return updating_sampler(network)
+        size = NetworkSize.of(network)
+        return RecomputingSampler(network) if recomputing_cost(size) <= updating_cost(size) else updating_sampler(network)
 
     def sampler_of_rates(self, network: Network) -> Callable[[Floats], Sampler]:
         """A function from rate constants (R,) to a sampler; microseconds a call in small networks."""
@@ -86,26 +87,28 @@ class RecomputingSampler:
     def __init__(self, network: Network):
         self.merging = Merging.of(network)
         self.constants: Floats | None = None
-        self.model = self.merging.model()
         self.models: dict[bytes, MergedChannels] = {}  # of a crowd, by initial counts
         self.changes = network.stoichiometry[self.merging.representatives]
 
     def with_constants(self, constants: Floats) -> RecomputingSampler:
         """A copy with rate constants (R,), 1/tu, in place of constants of 1."""
         other = copy(self)
-        other.constants = constants
-        other.model = self.merging.model(constants)
-        other.models = {}
+        vars(other).pop("model", None)
+        other.constants, other.models = constants, {}
         return other
 
+    @cached_property
+    def model(self) -> MergedChannels:
+        """The tables that the kernels read, without the factors of a crowd."""
+        return self.merging.model(self.constants)
+
     def model_from(self, initial: Ints) -> MergedChannels:
-        """The tables for runs from counts (S,), which matter to a network in a crowd alone."""
-        thinning = self.merging.thinning(initial)
-        if thinning is None:
+        """The tables for runs from counts (S,), on which those of a crowd depend."""
+        if self.merging.crowded is None:
             return self.model
         asked = initial.tobytes()
         if asked not in self.models:
-            self.models[asked] = self.merging.model(self.constants, thinning)
+            self.models[asked] = self.merging.model(self.constants, self.merging.thinning(initial))
         return self.models[asked]
 
     def ensemble(

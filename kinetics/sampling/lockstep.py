@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from time import perf_counter
 from typing import Any, ClassVar
 
@@ -17,7 +18,7 @@ from kinetics.network import Network
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.cost_model import NetworkSize
 from kinetics.sampling.direct import Direct, RecomputingSampler
-from kinetics.sampling.merging import Merging
+from kinetics.sampling.merging import MergedChannels, Merging
 from kinetics.sampling.run_source import Sampler
 from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints
@@ -77,7 +78,7 @@ class LockstepSampler:
             self.merging = one_by_one.merging
         else:
             self.merging = Merging.of(network, np.arange(len(network.channels)))
-        self.model = self.merging.model()
+        self.constants: Floats | None = None
         self.changes = network.stoichiometry[self.merging.representatives]
         self.path = self.one_by_one.path
 
@@ -85,8 +86,20 @@ class LockstepSampler:
         """A copy with rate constants (R,), 1/tu, in place of constants of 1."""
         other = copy(self)
         other.one_by_one, other.path = one_by_one, one_by_one.path
-        other.model = self.merging.model(constants)
+        vars(other).pop("model", None)
+        other.constants = constants
         return other
+
+    @cached_property
+    def model(self) -> MergedChannels:
+        """The tables that the kernels read, without the factors of a crowd."""
+        return self.merging.model(self.constants)
+
+    def model_from(self, initial: Ints) -> MergedChannels:
+        """The tables for runs from counts (S,), on which those of a crowd depend."""
+        # In a crowd runs one by one compute all propensities anew, as here.
+        in_crowd = isinstance(self.one_by_one, RecomputingSampler) and self.merging.crowded is not None
+        return self.one_by_one.model_from(initial) if in_crowd else self.model
 
     def ensemble(
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints, watch: Watch
@@ -97,9 +110,7 @@ class LockstepSampler:
         if len(out) < FEWEST_RUNS or not is_exact:
             self.one_by_one.ensemble(initial, grid, key, first_run, out, watch)
             return
-        model = self.model
-        if self.merging.crowded is not None and isinstance(self.one_by_one, RecomputingSampler):
-            model = self.one_by_one.model_from(initial)
+        model = self.model_from(initial)
         lanes, is_odd = Lanes(model, self.changes), np.zeros(len(out), dtype=bool)
         here, stopping = lanes.arrays, watch.stop_of(first_run, len(out), self.merging.representatives)
         go_on = twins.lockstep(model, self.changes, lanes, initial, grid, key, first_run, out, is_odd, stopping)

@@ -7,7 +7,7 @@ z = sum of w_Y x_Y, which all breaks share whose partners have the same weights 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -60,6 +60,7 @@ def representatives(network: Network) -> Ints:
 
 
 _REPRESENTATIVES: WeakKeyDictionary[Network, Ints] = WeakKeyDictionary()
+_THINNINGS: WeakKeyDictionary[Network, dict[tuple[bytes, bytes], Thinning]] = WeakKeyDictionary()
 
 
 def _found_representatives(network: Network) -> Ints:
@@ -95,7 +96,6 @@ class Merging:
     used (R,) : the species that a channel uses up
     members (R,), spans (G + 1,) : channel g stands for the network's members[spans[g]] to members[spans[g + 1]]
     crowded : the network, if the factors of a crowd change any of its channels, which are the last ones; else None
-    thinnings : what is known of its runs by their initial counts
     """
 
     laws: MassAction
@@ -104,7 +104,6 @@ class Merging:
     spans: Ints
     n_species: int
     crowded: Network | None = None
-    thinnings: dict[bytes, Thinning] = field(default_factory=dict)
 
     @classmethod
     def of(cls, network: Network, representative: Ints | None = None) -> Merging:
@@ -128,11 +127,12 @@ class Merging:
         """The thinning of runs from counts (S,), its coefficients without rate constants; None without a crowd."""
         if self.crowded is None:
             return None
-        asked = initial.tobytes()
-        if asked not in self.thinnings:
+        known = _THINNINGS.setdefault(self.crowded, {})
+        asked = initial.tobytes(), self.spans.tobytes()
+        if asked not in known:
             tables = self.spans, self.members, self._partners, self.laws.less
-            self.thinnings[asked] = thinning_of(self.crowded, initial, *tables)
-        return self.thinnings[asked]
+            known[asked] = thinning_of(self.crowded, initial, *tables)
+        return known[asked]
 
     def model(self, constants: Floats | None = None, thinning: Thinning | None = None) -> MergedChannels:
         """The tables that the kernels read; `constants` (R,) replace rate constants of 1."""
