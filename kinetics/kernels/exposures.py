@@ -13,12 +13,22 @@ from kinetics.kernels.outcomes import REACHED_END, UNFINISHED
 from kinetics.kernels.streams import start_stream
 
 
+class Crowd(NamedTuple):
+    """The factors of a crowd, see `network.Crowding`: those of `channels` (C,), coefficients (C, D)."""
+
+    channels: np.ndarray
+    weights: np.ndarray
+    volumes: np.ndarray
+    coefficients: np.ndarray
+
+
 @compiled(inline="always")
-def add_exposures(units, plain, has_general, counts, copies, wait, exposures):
+def add_exposures(units, plain, has_general, crowd, counts, copies, wait, exposures):
     """Add to `exposures` (R,) what `wait` tu at `counts` (S + 1,) contribute.
 
     units : `sampling.mass_action.MassAction` for rate constants of 1
     plain : (R,) its coefficients, with 0 for channels by factors
+    crowd : see `Crowd`; None without one
     copies : the counts as floats
     """
     first, second, less = units.first, units.second, units.less
@@ -29,6 +39,21 @@ def add_exposures(units, plain, has_general, counts, copies, wait, exposures):
         for r in range(plain.size):
             if units.is_general[r]:
                 exposures[r] += wait * factored(units.coefficients[r], units.factors, r, counts)
+    if crowd is not None:
+        surface, free = 0.0, 1.0
+        for s in range(crowd.weights.size):
+            surface += crowd.weights[s] * copies[s]
+            free -= crowd.volumes[s] * copies[s]
+        for c in range(crowd.channels.size):
+            r, more = crowd.channels[c], 0.0
+            for d in range(crowd.coefficients.shape[1] - 1, 0, -1):  # Horner's rule
+                more = more * (surface / free) + crowd.coefficients[c, d]
+            more = more / free + crowd.coefficients[c, 0] - 1.0
+            if units.is_general[r]:
+                exposures[r] += wait * more * factored(units.coefficients[r], units.factors, r, counts)
+            else:
+                pair = plain[r] * copies[first[r]] * (copies[second[r]] - less[r])
+                exposures[r] += wait * more * pair
 
 
 class ExposureWork(NamedTuple):
@@ -43,12 +68,13 @@ class ExposureWork(NamedTuple):
 
 
 @compiled
-def ensemble(model, members, units, changes, work, initial, end, key, first_run, events, exposures, most):
+def ensemble(model, members, units, crowd, changes, work, initial, end, key, first_run, events, exposures, most):
     """Events and exposures (runs, R) until `end`, tu; the runs are those of `direct.ensemble`, to the last bit.
 
-    members : see `members.Members`; units : see `add_exposures`; work : see `ExposureWork`
+    members : see `members.Members`; units, crowd : see `add_exposures`; work : see `ExposureWork`
     events, exposures : filled with 0 before the first call
-    Other arguments and result as of `direct.ensemble`; exposures are integrals of ways * combinations, tu.
+    Other arguments and result as of `direct.ensemble`; exposures are integrals of ways * combinations, and of the
+    factors of the crowd times these, tu.
     """
     n_species = initial.size
     counts, clock, stream, notes = work.runs.counts, work.runs.clock, work.runs.stream, work.runs.notes
@@ -80,17 +106,19 @@ def ensemble(model, members, units, changes, work, initial, end, key, first_run,
             most -= n_events
             notes[EVENTS] += n_events
             for event in range(n_events):
-                wait = times[event] - t
-                add_exposures(units, plain, has_general, state, copies, wait, exposures[i])
-                t = times[event]
                 g = chosen[event]
+                if model.thinning is not None and g == changes.shape[0]:
+                    continue  # a candidate that was not kept
+                wait = times[event] - t
+                add_exposures(units, plain, has_general, crowd, state, copies, wait, exposures[i])
+                t = times[event]
                 events[i, member_at(members, g, copies, naming)] += 1
                 for s in range(n_species):
                     state[s] += changes[g, s]
                     copies[s] = state[s]
         if outcome != REACHED_END:
             return outcome
-        add_exposures(units, plain, has_general, state, copies, end - t, exposures[i])
+        add_exposures(units, plain, has_general, crowd, state, copies, end - t, exposures[i])
         most -= 1
         notes[RUN], notes[EVENTS] = i + 1, BEFORE
     return REACHED_END

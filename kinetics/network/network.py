@@ -119,7 +119,9 @@ class Network(Shown):
             crowded = self.crowding.laws(self)
             for name in crowded.keys() & laws.keys():
                 if laws[name].text != crowded[name].text:
-                    raise ValueError(f"channel {name!r} has a rate law and a factor of the crowd; leave out one of them")
+                    raise ValueError(
+                        f"channel {name!r} has a rate law and a factor of the crowd; leave out one of them"
+                    )
             set_fields(self, laws={**laws, **crowded})
 
     @cached_property

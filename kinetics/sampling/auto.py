@@ -108,9 +108,7 @@ class ChoosingSampler:
     usual : the sampler of counts for which is_usual(initial); of_others(initial) gives the sampler of other counts
     """
 
-    def __init__(
-        self, usual: Sampler, of_others: Callable[[Ints], Sampler], is_usual: Callable[[Ints], bool]
-    ):
+    def __init__(self, usual: Sampler, of_others: Callable[[Ints], Sampler], is_usual: Callable[[Ints], bool]):
         self.usual, self.of_others, self.is_usual = usual, of_others, is_usual
         self.chosen: dict[bytes, Sampler] = {}
 

@@ -55,7 +55,9 @@ class Direct(SamplingMethod):
         if network.crowding is not None:
             return RecomputingSampler(network)
         size = NetworkSize.of(network)
-        return RecomputingSampler(network) if recomputing_cost(size) <= updating_cost(size) else updating_sampler(network)
+        return (
+            RecomputingSampler(network) if recomputing_cost(size) <= updating_cost(size) else updating_sampler(network)
+        )
 
     def sampler_of_rates(self, network: Network) -> Callable[[Floats], Sampler]:
         """A function from rate constants (R,) to a sampler; microseconds a call in small networks."""

@@ -149,10 +149,11 @@ def exposures_of_draws(
 ) -> Iterator[tuple[Ints, Floats]]:
     """Yield events and exposures (runs, R) of every channel until `end`, tu, under each of `constants` (D, R), 1/tu.
 
-    An exposure is the integral over time of multiplicity * combinations of reactants, tu. In small networks, where
-    `Direct` computes all propensities at every event, the runs equal those of `simulate_posterior` by `Direct`; in
-    larger ones they are other runs of the same distribution. The network must be of mass action, else a ValueError.
-    Cost: some 30 ns an event plus 3 ns a channel, and some 15 us a draw, more if channels are merged.
+    An exposure is the integral over time of multiplicity * combinations of reactants, times the factor of the crowd
+    if there is one, tu. In small networks, where `Direct` computes all propensities at every event, the runs equal
+    those of `simulate_posterior` by `Direct`; in larger ones they are other runs of the same distribution. The network
+    must be of mass action, in a crowd or not, else a ValueError. Cost: some 30 ns an event plus 3 ns a channel, and
+    some 15 us a draw, more if channels are merged.
 
     >>> from kinetics import Model, Network
     >>> from kinetics.sampling import exposures_of_draws
@@ -162,16 +163,20 @@ def exposures_of_draws(
     ([[0]], [[6.0]])
     """
     network, start, table = _checked(model, constants, runs, first_run)
-    if not network.is_mass_action:
+    if not network.uncrowded.is_mass_action:
         raise ValueError("the network has rate laws or events; exposures are those of mass action alone")
     horizon = float(rising_times([end])[0])
     with_units = network.with_rates(np.ones(len(network.channels)))
     ready = RecomputingSampler(with_units)
     key, shape = stream_key(seed), (runs, len(network.channels))
+    crowding, crowd, thinning = network.crowding, None, ready.merging.thinning(start)
+    if crowding is not None:
+        changed = np.flatnonzero(crowding.is_changed)
+        crowd = kernels.exposures.Crowd(changed, crowding.weights, crowding.volumes, crowding.coefficients[changed])
 
-    units = mass_action(with_units)
+    units = mass_action(with_units.uncrowded)
     for d, row in enumerate(table):
-        kernel, members = ready.merging.model(row), ready.merging.named(row)
+        kernel, members = ready.merging.model(row, thinning), ready.merging.named(row, thinning)
         seen, watched = np.zeros(shape, dtype=np.int64), np.zeros(shape)
         first = first_run + d * runs
         work = kernels.exposures.ExposureWork(ensemble_work(start.size), np.empty(4, dtype=np.uint64), np.zeros(1))
@@ -181,7 +186,7 @@ def exposures_of_draws(
         def go_on(_: Ints, most: int, these: Any = (kernel, members, work, first, seen, watched)) -> int:
             kernel, members, work, first, *results = these
             outcome: int = kernels.exposures.ensemble(
-                kernel, members, units, ready.changes, work, start, horizon, key, first, *results, most
+                kernel, members, units, crowd, ready.changes, work, start, horizon, key, first, *results, most
             )
             return outcome
 

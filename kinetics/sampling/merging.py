@@ -184,9 +184,7 @@ class Merging:
             thinning,
         )
 
-    def named(
-        self, constants: Floats | None = None, thinning: Thinning | None = None
-    ) -> kernels.members.Members:
+    def named(self, constants: Floats | None = None, thinning: Thinning | None = None) -> kernels.members.Members:
         """The tables by which kernels attribute an event to a channel of the network; arguments as for `model`."""
         weights = self._coefficients(constants)
         if thinning is not None:

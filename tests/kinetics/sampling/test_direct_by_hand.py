@@ -171,7 +171,7 @@ def kernel_calls(kernel, net, start, grid, limits, out):
     work.notes[LOOK] = limits[3]
     members, units = sampler.merging.named(None), mass_action(net.with_rates([1.0] * len(net.channels)))
     return work, lambda most: exposures.ensemble(
-        sampler.model, members, units, sampler.changes, place, net.state(start), grid[-1], KEY, 3, *out, most
+        sampler.model, members, units, None, sampler.changes, place, net.state(start), grid[-1], KEY, 3, *out, most
     )
 
 

@@ -1,12 +1,13 @@
 """Runs under many draws of the rate constants are those of the network with these constants."""
 
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
 import pytest
 from known_systems import line
 
-from kinetics.network import Model, Network
+from kinetics.network import Crowding, Model, Network
 from kinetics.sampling import (
     Auto,
     Direct,
@@ -69,9 +70,21 @@ def test_sums_of_counts():
     assert (sums[:, :, 0] == 60).all()
 
 
-@pytest.mark.parametrize(
-    ("network", "start", "end"), [(line(), START, 500.0), (three_of_one_kind(), [30, 2], 2.0)], ids=["pairs", "triples"]
-)
+def line_in_a_crowd():
+    """The line of four, whose joins and breaks a crowd makes several times as frequent."""
+    rows = [[1.0, 0, 0, 0]] * 2 + [[0.0, 1.0, 3.0, 1.5]] * 3 + [[0.5, 0.5, 2.0, 0.0]] * 3
+    surfaces, volumes = np.array([6, 10, 14, 18]) / 400, np.array([1, 2, 3, 4]) / 600
+    return replace(line(), crowding=Crowding(surfaces, volumes, rows))
+
+
+NETWORKS = {
+    "pairs": (line(), START, 500.0),
+    "triples": (three_of_one_kind(), [30, 2], 2.0),
+    "crowd": (line_in_a_crowd(), START, 500.0),
+}
+
+
+@pytest.mark.parametrize(("network", "start", "end"), NETWORKS.values(), ids=NETWORKS)
 def test_events_and_exposures_are_those_of_the_paths(network, start, end):
     constants = network.known_rates * np.array([[1.0], [2.0]])
     runs = 2
@@ -83,17 +96,21 @@ def test_events_and_exposures_are_those_of_the_paths(network, start, end):
             waits = np.diff(np.concatenate([[0.0], path.times, [end]]))
             assert path.channels.size > 5
             np.testing.assert_array_equal(events[i], np.bincount(path.channels, minlength=len(network.channels)))
-            expected = network.ways * (waits @ network.combinations_of(path.states))
+            combinations = network.uncrowded.combinations_of(path.states)
+            if network.crowding is not None:
+                combinations = combinations * network.crowding.factors(path.states)
+            expected = network.ways * (waits @ combinations)
             np.testing.assert_allclose(exposures[i], expected, rtol=1e-12, atol=1e-9)
 
 
-def test_exposures_meet_the_events_on_average():
+@pytest.mark.parametrize("network", [line(), line_in_a_crowd()], ids=["alone", "crowd"])
+def test_exposures_meet_the_events_on_average(network):
     """Events less rate times exposure is a martingale: its mean over 4,000 runs is 0 within 5 of its errors."""
-    constants = np.tile(line().known_rates, (200, 1))
-    made = list(exposures_of_draws(Model.of(line(), START), constants, 2000.0, 20, seed=1))
+    constants = np.tile(network.known_rates, (200, 1))
+    made = list(exposures_of_draws(Model.of(network, START), constants, 2000.0, 20, seed=1))
     events, exposures = (np.concatenate(part) for part in zip(*made, strict=True))
     for factor, is_right in ((1.0, True), (1.1, False)):
-        off = events - factor * line().known_rates * exposures
+        off = events - factor * network.known_rates * exposures
         z = off.mean(axis=0) / (off.std(axis=0, ddof=1) / np.sqrt(len(off)))
         assert (np.abs(z) < 5).all() == is_right
 
