@@ -22,6 +22,7 @@ from kinetics.support.cli.study_folder import PLAN, RUNS, SCENE, or_study_folder
 from kinetics.support.plots import save
 from mechsim.commands.options import executor_options, progress_option, runs_option
 from mechsim.scene import Scene
+from mechsim.world.engines import ENGINES
 
 if TYPE_CHECKING:
     from mechsim.runs.executors import Executor
@@ -66,6 +67,11 @@ ASKED = (
         default=(0.0, 50.0, 200.0, 800.0, 2000.0),
         metavar="T ...",
         help="Times on the predicted path from which tanks may be taken, tu.",
+    ),
+    click.option(
+        "--engine",
+        type=click.Choice([engine.name for engine in ENGINES]),
+        help="Engine of the mechanics for all runs; the plan says what another would save.  [default: the scene's]",
     ),
     time_option("--duration", 500.0, "Length of a calibration run, tu."),
     time_option("--held-out-duration", 2000.0, "Length of a held-out run, tu."),

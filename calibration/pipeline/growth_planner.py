@@ -40,7 +40,7 @@ def make_growth_plan(request: PlanRequest, join: float, cost: Cost) -> PlannedSt
     its beginning, because the structures in between are too many to be put into tanks.
     ValueError: a budget that does not pay for the least plan.
     """
-    scene = Scene.load(request.scene)
+    scene = Scene.load(request.scene).by(request.engine)
     book, derivation = book_of(scene.rules)
     target = len(derivation.structures) if book.target is None else len(book.target)
     starts = {n: with_seeds(derivation, n, target) for n in (*request.cubes, *request.held_out)}

@@ -1,4 +1,4 @@
-"""From a target to the folder of a study: rule book, scene in a tank that suits it, and plan with its cost."""
+"""From a target or a rule book to the folder of a study: book, scene in a tank that suits it, plan with its cost."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ from calibration.pipeline.growth_planner import SPARE, make_growth_plan
 from calibration.pipeline.planned import PlannedStudy, PlanRequest
 from calibration.pipeline.planner import make_plan
 from calibration.pipeline.run_costs import RunCosts
-from kinetics.assembly import Derivation, Structure, derive
+from kinetics.assembly import Derivation, RuleBook, Structure, derive
 from kinetics.assembly.compiler import Compiled, Target, compile_book
-from kinetics.assembly.compiler.target import TARGETS
+from kinetics.assembly.compiler.target import TARGETS, describes_target
+from kinetics.assembly.compiler.yields import Yields, yields_of
+from kinetics.assembly.rules.rule_book import BOOKS
 from kinetics.assembly.rules.writing import written
 from kinetics.rates import ClassRates, Rates
 from kinetics.support.cli.progress import stage
 from kinetics.support.cli.study_folder import BOOK, PLAN, RUNS, SCENE, TARGET
-from kinetics.support.config import find, write_toml
+from kinetics.support.config import find, is_path, write_toml
 from kinetics.support.limits import bytes_in
 from kinetics.support.output import new_folder, write_whole
 from kinetics.support.settings import validated
@@ -39,18 +41,26 @@ CUBES = {"cubes": (60, 120), "held_out": (40, 80, 160)}  # in such a tank; more 
 
 @dataclass(frozen=True, eq=False)
 class NewStudy:
-    """The result of `new_study`: its folder, the compiled rule book, the scene, and the plan with its cost."""
+    """The result of `new_study`: its folder, the rule book, the scene, and the plan with its cost.
+
+    compiled : how the book was made; None for a book that was given
+    yields : of the book; None without a target, or if it grows from a seed
+    """
 
     folder: Path
-    compiled: Compiled
+    book: RuleBook
+    compiled: Compiled | None
+    yields: Yields | None
     scene: Scene
     planned: PlannedStudy
 
 
 def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, **wanted: Any) -> NewStudy:
-    """Compile a target's rule book, and write it with a scene and a plan into a new folder, whole or not at all.
+    """Write a rule book, with a scene and a plan, into a new folder, whole or not at all; that of a target is compiled.
 
-    name_or_path : a target, see `Target.load`; wanted : what the plan is to reach, see `PlanRequest`
+    name_or_path : a target, see `Target.load`, or a rule book, which is used as it is; a name that is shipped as both
+        means the target
+    wanted : what the plan is to reach, see `PlanRequest`
 
     The plan's path is predicted by rates like those of lines and Ts (`guessed_rates`), because nothing has run yet.
     A target that grows from a seed is studied by rate class, see `make_growth_plan`.
@@ -58,23 +68,30 @@ def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, 
     """
     goal = Path(folder)
     with new_folder(goal) as made:
-        target = Target.load(name_or_path)
-        compiled = compile_book(target, time_limit=time_limit, progress=stage)
+        is_book, source = _source_of(name_or_path)
+        compiled = None
+        if is_book:
+            book = RuleBook.load(name_or_path)
+            write_whole(made / BOOK, bytes_in(source))
+        else:
+            compiled = compile_book(Target.load(name_or_path), time_limit=time_limit, progress=stage)
+            book = compiled.book
+            write_whole(made / TARGET, bytes_in(source))
+            write_whole(made / BOOK, written(book, "\n".join(compiled.verified)))
         try:
             stage("deriving the network of the book")
-            derivation = derive(compiled.book)
+            derivation = derive(book)
         except ValueError as error:
             raise ValueError(
-                f"{target.name} has a book, but mechanics runs need a list of all structures: {error}; grow it "
-                f"without a network by `wellmixed rules compile` and `wellmixed rules grow`"
+                f"{book.name} has a book, but mechanics runs need a list of all structures: {error}; grow it without "
+                f"a network by `wellmixed rules compile` and `wellmixed rules grow`"
             ) from None
-        write_whole(made / TARGET, bytes_in(find(name_or_path, TARGETS, "target")))
-        write_whole(made / BOOK, written(compiled.book, "\n".join(compiled.verified)))
-        name = plain_name(target.name)
-        scene = scene_for(name, derivation)
+        name = plain_name(book.name)
+        scene = scene_for(name, derivation).by(wanted.get("engine"))
         write_toml(scene.as_dict(none=False), made / SCENE)
         scale = math.prod(scene.tank.size) / math.prod(PLACE)
-        least = 1 if compiled.book.seed() is None else SPARE * len(target)
+        size = max(map(len, derivation.structures.values())) if book.target is None else len(book.target)
+        least = 1 if book.seed() is None else SPARE * size
         sizes = {
             name: tuple(dict.fromkeys(max(round(n * scale), least) for n in cubes)) for name, cubes in CUBES.items()
         }
@@ -82,12 +99,21 @@ def new_study(name_or_path: str, folder: str | Path, time_limit: float = 600.0, 
         costs = RunCosts(made / RUNS)
         planned = (
             make_plan(request, guessed_rates(derivation, scene.tank.size), costs)
-            if compiled.book.seed() is None
+            if book.seed() is None
             else make_growth_plan(request, JOIN / scale, costs)
         )
         planned.plan.save(made / PLAN)
     here = replace(planned, request=replace(request, scene=str(goal / SCENE)))
-    return NewStudy(goal, compiled, scene, here)
+    return NewStudy(goal, book, compiled, yields_of(derivation), scene, here)
+
+
+def _source_of(name_or_path: str) -> tuple[bool, Path]:
+    """Whether this is a rule book, not a target; and its file."""
+    if is_path(name_or_path):
+        path = find(name_or_path, TARGETS, "target or rule book")
+        return not describes_target(path), path
+    is_book = not (TARGETS / f"{name_or_path}.toml").exists() and (BOOKS / f"{name_or_path}.toml").exists()
+    return is_book, find(name_or_path, BOOKS if is_book else TARGETS, "target or rule book")
 
 
 def plain_name(name: str) -> str:

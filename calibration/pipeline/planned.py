@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +33,7 @@ class PlanRequest:
     duration, held_out_duration : of a run, tu; held_out : numbers of cubes of the held-out runs
     each_break : whether each break is to have that width, not only all breaks together
     power, shift : probability with which held-out runs are to show rates that are off by this share, at level 1 %
-    tank : edges; None for the scene's own
+    tank : edges; None for the scene's own; engine : of the mechanics; None for the scene's own
     """
 
     name: str
@@ -49,6 +49,7 @@ class PlanRequest:
     power: float = 0.9
     shift: float = 0.2
     tank: tuple[float, float, float] | None = None
+    engine: str | None = None
     seed: int = 1
 
     def __post_init__(self) -> None:
@@ -103,6 +104,7 @@ class PlannedStudy:
     purpose : the plan's, with a place for its width
     wanted_seconds : CPU time of calibration runs that reach the width asked for
     tests : of the held-out runs; held_out_runs, held_out_costs : by number of cubes, CPU seconds of a run
+    gains : engines by which the runs would be quicker, and how many times, by a trial in the dearest tank
     """
 
     request: PlanRequest
@@ -118,6 +120,7 @@ class PlannedStudy:
     held_out_runs: dict[int, int]
     held_out_costs: dict[int, float]
     verdict: VerdictRules
+    gains: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def events(self) -> dict[str, float]:
@@ -149,7 +152,14 @@ class PlannedStudy:
             PlannedRuns(
                 seed=seed,
                 tanks=tuple(
-                    Tanks(composition=start, tank=request.tank, runs=runs, duration=duration, along=along)
+                    Tanks(
+                        composition=start,
+                        tank=request.tank,
+                        runs=runs,
+                        duration=duration,
+                        along=along,
+                        engine=request.engine,
+                    )
                     for start, runs, duration, along in rows
                 ),
             )
@@ -157,7 +167,9 @@ class PlannedStudy:
         ]
         return StudyPlan(
             name=request.name,
-            purpose=self.purpose.format(width=f"{self.width:.1%}"),
+            purpose=self.purpose.format(
+                width=f"{self.width:.1%} or less" if self.width < 1 else f"{self.width:.0%}, too wide to tell anything,"
+            ),
             scene=request.scene,
             calibration=parts[0],
             held_out=parts[1],
@@ -233,22 +245,59 @@ class PlannedStudy:
 
     @property
     def cost(self) -> str:
-        """The CPU time of all runs, on one line."""
-        return (
-            f"CPU time: calibration {self.calibration_seconds / 3600:.2f} h, held-out runs "
-            f"{self.held_out_seconds / 3600:.2f} h"
+        """The CPU time of all runs, and what it would be with other engines, a line each."""
+        seconds = {"": 1.0} | {f" with --engine {name}": gain for name, gain in self.gains.items()}
+        return "\n".join(
+            f"CPU time{by}: calibration {self.calibration_seconds / gain / 3600:.2f} h, held-out runs "
+            f"{self.held_out_seconds / gain / 3600:.2f} h" + (f" ({gain:.1f} times quicker)" if by else "")
+            for by, gain in seconds.items()
         )
 
     @property
     def shortfalls(self) -> list[str]:
-        """Sentences on the aims that the plan does not reach."""
+        """Sentences on the aims that the plan does not reach, each with the options that would reach it."""
         wanted, found = self.request, []
         if self.width > wanted.width * (1 + 1e-6):
             found.append(
                 f"the budget of {wanted.cpu_hours:g} CPU hours reaches a half-width of {self.width:.1%}; "
-                f"{wanted.width:.1%} would cost {self.wanted_seconds / 3600:.3g} hours of calibration runs"
+                f"{wanted.width:.1%} would cost {self.wanted_seconds / 3600:.3g} hours of calibration runs: "
+                f"--cpu-hours {self._hours_for(wanted.width)}"
             )
-        return found + _held_out_shortfalls(wanted, self.tests, self.held_out_runs, self.held_out_costs, self.width)
+        return found + [said for test in self.tests if (said := self._shortfall(test))]
+
+    def _shortfall(self, test: HeldOutTest) -> str | None:
+        """A sentence on a shift that the held-out runs of one size fail to detect; None: they do not fail."""
+        request, has = self.request, self.held_out_runs[test.cubes]
+        what = f"{test.power.group} off by {request.shift:.0%} at {test.cubes} cubes"
+        sd = widest_sd(test.power, request.power, MOST_RUNS) if test.limit < request.power else None
+        if sd is not None and math.isfinite(test.power.rates_sd):
+            narrower = self.width * sd / test.power.rates_sd
+            budget = "" if request.cpu_hours is None else f" --cpu-hours {self._hours_for(narrower)}"
+            return (
+                f"no number of held-out runs shows {what} with power {request.power:.0%}: the uncertainty of the "
+                f"calibration allows {test.limit:.0%} at most; a width of {narrower:.1%} is needed: "
+                f"--width {90 * narrower:.2g}%{budget}"
+            )
+        if test.needed is None:
+            return (
+                f"not even {MOST_RUNS} held-out runs show {what} with power {request.power:.0%}: give a longer "
+                f"--held-out-duration, or more cubes by --held-out"
+            )
+        if has < test.needed:
+            return (
+                f"{test.needed} held-out runs would show {what}, for "
+                f"{(test.needed - has) * self.held_out_costs[test.cubes] / 3600:.3g} CPU hours more; the plan has "
+                f"{has}, with power {test.power.power(has):.0%}: --cpu-hours {self._hours_for(request.width)}"
+            )
+        return None
+
+    def _hours_for(self, width: float) -> str:
+        """CPU hours that pay for calibration runs to a half-width, and for all held-out runs that are needed."""
+        calibration = self.wanted_seconds * max(1.0, self.request.width / width) ** 2
+        needed = {
+            n: max([2, *(test.needed or 2 for test in self.tests if test.cubes == n)]) for n in self.held_out_runs
+        }
+        return f"{1.1 * (calibration + spent(needed, self.held_out_costs)) / 3600:.3g}"  # runs are whole
 
     def to_dict(self) -> dict[str, Any]:
         """The plan as a dictionary, ready for JSON."""
@@ -260,36 +309,19 @@ class PlannedStudy:
             "calibration_cpu_seconds": self.calibration_seconds,
             "held_out_cpu_seconds": self.held_out_seconds,
             "wanted_calibration_cpu_seconds": self.wanted_seconds,
+            "other_engines": [
+                {
+                    "engine": name,
+                    "gain": gain,
+                    "cpu_seconds": (self.calibration_seconds + self.held_out_seconds) / gain,
+                }
+                for name, gain in self.gains.items()
+            ],
             "shortfalls": self.shortfalls,
             "rates": [
                 {"rate": name, "events": n, "half_width": float(half_width(n))} for name, n in self.events.items()
             ],
         }
-
-
-def _held_out_shortfalls(
-    request: PlanRequest, tests: Iterable[HeldOutTest], runs: dict[int, int], costs: dict[int, float], width: float
-) -> list[str]:
-    """Sentences on shifts that the held-out runs of each size fail to detect after a calibration to a half-width."""
-    found = []
-    for test in tests:
-        has = runs[test.cubes]
-        what = f"{test.power.group} off by {request.shift:.0%} at {test.cubes} cubes"
-        if test.limit < request.power:
-            narrower = width * widest_sd(test.power, request.power) / test.power.rates_sd
-            found.append(
-                f"no number of held-out runs shows {what} with power {request.power:.0%}: the uncertainty of the "
-                f"calibration allows {test.limit:.0%} at most; a width of {narrower:.1%} is needed"
-            )
-        elif test.needed is None:
-            found.append(f"not even {MOST_RUNS} held-out runs show {what} with power {request.power:.0%}")
-        elif has < test.needed:
-            found.append(
-                f"{test.needed} held-out runs would show {what}, for "
-                f"{(test.needed - has) * costs[test.cubes] / 3600:.3g} CPU hours more; the plan has {has}, with power "
-                f"{test.power.power(has):.0%}"
-            )
-    return found
 
 
 def spent(runs: dict[int, int], costs: dict[int, float]) -> float:

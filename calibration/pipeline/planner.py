@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +26,10 @@ from mechsim.runs.preflight import check_starts
 from mechsim.runs.record import RunSpec, book_of
 from mechsim.runs.species import single_cubes, some_of
 from mechsim.scene import Scene
+from mechsim.world.engines import ENGINES
 
 FEWEST = 2  # held-out runs of a size: a scatter needs two
+LEAST_GAIN = 1.2  # that another engine is worth a word; trials are off by a tenth
 
 
 def make_plan(request: PlanRequest, rates: Rates, cost: Cost) -> PlannedStudy:
@@ -36,7 +40,7 @@ def make_plan(request: PlanRequest, rates: Rates, cost: Cost) -> PlannedStudy:
     ValueError: a request that cannot be met at all.
     """
     events_for(request.width)  # first, because it may be refused
-    scene = in_tank(Scene.load(request.scene), request.tank)
+    scene = in_tank(Scene.load(request.scene), request.tank).by(request.engine)
     derivation = book_of(scene.rules)[1]
     network = derivation.network
     if derivation.book.seed() is not None:
@@ -64,7 +68,7 @@ def make_plan(request: PlanRequest, rates: Rates, cost: Cost) -> PlannedStudy:
         starts,
         cost,
         lambda seen, sizes: held_out_tests(request, forecast, seen, sizes),
-        f"Half-widths of {{width}} or less for every join and "
+        f"Half-widths of {{width}} for every join and "
         f"{'each break' if request.each_break else 'all breaks together'}, in tanks on the predicted path; "
         f"held-out runs that show rates off by {request.shift:.0%}.",
         rules_for(request.shift),
@@ -112,6 +116,7 @@ def planned_study(
                 "--cubes or --held-out"
             )
     tests = tests_of(runs @ events, sized)
+    dearest = tanks[int((runs * costs).argmax())].composition
     return PlannedStudy(
         request=request,
         happening=tuple(happening),
@@ -126,7 +131,21 @@ def planned_study(
         held_out_runs=chosen_runs(tests, sized, budget - float(runs @ costs)),
         held_out_costs=sized,
         verdict=verdict,
+        gains=gains_of_engines(RunSpec(scene, dearest, request.duration, request.seed, 0), cost),
     )
+
+
+def gains_of_engines(spec: RunSpec, cost: Cost) -> dict[str, float]:
+    """Other engines by which a run would be quicker, and how many times; none if the engine was chosen on purpose."""
+    usual, *others = ENGINES
+    if spec.scene.numerics.engine != usual.name:
+        return {}
+    stage(f"what the run would cost by another engine: {spec.title}")
+    gains = {}
+    for engine in others:
+        with suppress(ValueError, ModuleNotFoundError):  # it lacks an effect, or a package is not installed
+            gains[engine.name] = cost(spec) / cost(replace(spec, scene=spec.scene.by(engine.name)))
+    return {name: gain for name, gain in gains.items() if gain > LEAST_GAIN}
 
 
 def held_out_tests(

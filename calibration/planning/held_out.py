@@ -25,13 +25,14 @@ def runs_for(found: GroupPower, wanted: float) -> int | None:
     return runs[fewest] if fewest < len(runs) else None
 
 
-def widest_sd(found: GroupPower, wanted: float) -> float:
-    """Largest relative standard deviation from the calibration at which enough runs reach a power."""
+def widest_sd(found: GroupPower, wanted: float, runs: float = math.inf) -> float | None:
+    """Largest relative standard deviation from the calibration at which so many runs reach a power; None: none does."""
 
     def lacking(log_sd: float) -> float:
-        return replace(found, rates_sd=math.exp(log_sd)).power(math.inf) - wanted
+        return replace(found, rates_sd=math.exp(log_sd)).power(runs) - wanted
 
-    return math.exp(optimize.brentq(lacking, math.log(1e-3), math.log(10.0)))
+    low, high = math.log(1e-3), math.log(10.0)
+    return math.exp(optimize.brentq(lacking, low, high)) if lacking(low) > 0 else None
 
 
 def group_powers(

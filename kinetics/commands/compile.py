@@ -13,6 +13,7 @@ import click
 
 from kinetics.assembly import Senses
 from kinetics.assembly.compiler import Target, compile_book
+from kinetics.assembly.compiler.yields import CONDITIONS
 from kinetics.assembly.rules.writing import written
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import POSITIVE, count_option, default_option
@@ -49,7 +50,8 @@ def time_since_start() -> float:
 @click.option(
     "--joins",
     metavar="JOIN,...",
-    help="Joins of the book, such as 1+1,1+2 or 2.a+1->3.b.  [default: those with the fewest letters and rules]",
+    help="Joins of the book, such as 1+1,1+2 or 2.a+1->3.b.  [default: of those with the fewest letters, the largest "
+    "yield]",
 )
 @click.option("--breaks/--no-breaks", default=None, help="Whether bonds can break.  [default: as the target says]")
 @count_option(
@@ -61,6 +63,13 @@ def time_since_start() -> float:
     type=POSITIVE,
     default=600,
     help="Wall time after which the command ends, its start included, s; a book found before does not depend on it.",
+)
+@default_option(
+    "--effort",
+    metavar="FACTOR",
+    type=POSITIVE,
+    default=1.0,
+    help="By what the usual steps of every search are multiplied: more takes longer and leaves less undecided.",
 )
 @click.option(
     "--certificate",
@@ -81,6 +90,7 @@ def compile_(
     breaks: bool | None,
     max_letters: int | None,
     time_limit: float,
+    effort: float,
     certificate: str | None,
     seed: int,
     as_json: bool,
@@ -91,8 +101,10 @@ def compile_(
     axis) or lists their places as `cubes`; it may set `seed`, `senses`, `joins`, `breaks` and `max_letters`.
 
     The search takes the weakest sufficient senses, unless the options or the target name them, then the fewest letters,
-    then few rules. The book is verified before it is printed, with a report of the search. --seed matters only for
-    structures that grow from a seed cube.
+    then the largest yield: the mean of two, with and without breaks, by the rate equations at rates that are printed.
+    The book is verified before it is printed, with a report of the search, which says how much of the yield a longer
+    search could gain (--effort), and with a warning if a yield is below 0.1. --seed matters only for structures that
+    grow from a seed cube.
     """
     wanted = Target.load(target)
     if faces or roll or across or touched:
@@ -105,6 +117,7 @@ def compile_(
             breaks=breaks,
             max_letters=max_letters,
             time_limit=time_limit,
+            effort=effort,
             started=time.monotonic() - (1 + ENDING) * time_since_start(),
             seed=seed,
             progress=progress,
@@ -116,6 +129,7 @@ def compile_(
         f"{book.name}: {made.letters} letters{fewest}; {counts} rules for joins, breaks, and what follows",
         f"cubes sense: {made.capability}",
         *([f"joins: {', '.join(made.joins)}"] if made.joins else []),
+        *([] if made.yields is None else [f"{made.yields} ({CONDITIONS})"]),
         *made.searched,
         *made.verified,
     ]
@@ -142,9 +156,12 @@ def compile_(
                 },
                 "senses": book.senses.as_dict(),
                 "joins": made.joins,
+                "yields": None if made.yields is None else made.yields.as_dict(),
+                "gain": made.gain,
                 "searched": made.searched,
                 "verified": made.verified,
                 "certificate": certificate,
+                "effort": effort,
                 "seed": seed,
             }
         )
@@ -152,3 +169,5 @@ def compile_(
         click.echo(text)
     else:
         click.echo("\n".join([*summary, f"written to {out}"]))
+    if made.yields is not None and made.yields.warning:
+        click.echo(f"warning: {made.yields.warning}", err=True)

@@ -15,7 +15,7 @@ from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import echo_json, json_option, picture_of, seed_option
 from kinetics.support.cli.progress import progress_line
-from kinetics.support.config import find, read_toml
+from kinetics.support.config import find
 
 if TYPE_CHECKING:
     from kinetics.assembly import Derivation, RuleBook, Structure
@@ -91,10 +91,10 @@ def _structure(name: str) -> Drawn:
 
 def _finished(name: str) -> tuple[Structure, str]:
     """The finished structure of a book, or a compiler's target, with the face scheme of its cubes."""
-    from kinetics.assembly.compiler.target import TARGETS, Target
+    from kinetics.assembly.compiler.target import TARGETS, Target, describes_target
 
     if Path(name).suffix == ".toml" or len(Path(name).parts) > 1:
-        is_target = not {"layers", "cubes"}.isdisjoint(read_toml(find(name, BOOKS, "rule book or target")))
+        is_target = describes_target(find(name, BOOKS, "rule book or target"))
     else:
         is_target = (TARGETS / f"{name}.toml").exists() and not (BOOKS / f"{name}.toml").exists()
     if is_target:

@@ -30,7 +30,6 @@ from kinetics.support.cli.options import (
     write_tables,
 )
 from kinetics.support.cli.progress import progress_line
-from kinetics.support.config import read_toml
 from kinetics.support.output import write_whole
 
 if TYPE_CHECKING:
@@ -156,12 +155,11 @@ def _books(
 
 
 def _is_target(name: str) -> bool:
-    """True if a file describes a target: it has cubes, but no letters and no rules."""
+    """True if a file describes a target."""
+    from kinetics.assembly.compiler.target import describes_target
+
     path = Path(name)
-    if path.suffix != ".toml" or not path.is_file():
-        return False
-    content = read_toml(path)
-    return "letters" not in content and not {"layers", "cubes"}.isdisjoint(content)
+    return path.suffix == ".toml" and path.is_file() and describes_target(path)
 
 
 def _compiled(name: str, time_limit: float, progress: Callable[[str], None]) -> tuple[list[RuleBook], str]:

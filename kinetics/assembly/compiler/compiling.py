@@ -1,4 +1,4 @@
-"""The compilation of targets: the weakest senses that do, then the fewest letters, rules, and the largest yield."""
+"""The compilation of targets: the weakest senses that do, then the fewest letters, the largest yield, few rules."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from itertools import islice, product
 
 from kinetics.assembly.compiler import reasons, seeded
 from kinetics.assembly.compiler.budget import Budget, OutOfStepsError
+from kinetics.assembly.compiler.choice import SET_STEPS
 from kinetics.assembly.compiler.clauses import Clauses
 from kinetics.assembly.compiler.dockings import Dockings
-from kinetics.assembly.compiler.fewest import MAX_LETTERS, SET_STEPS, fewest
+from kinetics.assembly.compiler.fewest import MAX_LETTERS, fewest
 from kinetics.assembly.compiler.joins import JoinSearch, asked_joins, sensible
 from kinetics.assembly.compiler.orientation import MOST, turnings
 from kinetics.assembly.compiler.plan import Plan, planned
@@ -49,7 +50,7 @@ def compile_book(
     started: float | None = None,
 ) -> Compiled:
     """A rule book that builds the target and nothing else: of the weakest senses, then of the fewest letters, then of
-    the fewest rules that were found, then of the largest yield.
+    the largest yield that was found (see `yields`), then of the fewest rules.
 
     joins : those to allow, no others, by sizes (`1+2`) or names (`2.a+1->3.b`); None: what the target asks for, or else
         any

@@ -120,19 +120,34 @@ class Dockings:
         self._sites: dict[tuple[int, bool], _Sites] = {}
         self._foreign: dict[tuple[int, int], list[Met]] = {}
 
-    @cached_property
+    @property
     def made(self) -> dict[tuple[int, int, int], list[tuple[Met, tuple[int, ...]]]]:
         """How parts a >= b meet that make a part c of the target, with which of its cubes each of theirs becomes."""
+        return self._made[0]
+
+    @property
+    def ways(self) -> dict[tuple[int, int, int], float]:
+        """The pairs of faces at which parts a >= b make a part c, each of the four twists a quarter."""
+        return self._made[1]
+
+    @cached_property
+    def _made(
+        self,
+    ) -> tuple[dict[tuple[int, int, int], list[tuple[Met, tuple[int, ...]]]], dict[tuple[int, int, int], float]]:
         found: dict[tuple[int, int, int], list[tuple[Met, tuple[int, ...]]]] = {}
+        counts: dict[tuple[int, int, int], float] = {}
         sizes = [len(part) for part in self.parts.parts]
         for a in range(len(sizes)):
             for b in range(a + 1):
                 if sizes[a] + sizes[b] <= sizes[-1]:
                     contacts = _Contacts(self, a, b)
+                    alike = len(self.parts.parts[b].symmetries)  # turns of b that are one row
                     for number, (part, cubes) in contacts.known.items():
-                        for met in contacts.rows(contacts.placement == number):
+                        rows = contacts.placement == number
+                        for met in contacts.rows(rows):
                             found.setdefault((a, b, part), []).append((met, cubes))
-        return dict(sorted(found.items()))
+                        counts[a, b, part] = counts.get((a, b, part), 0.0) + alike * int(rows.sum()) / 4
+        return dict(sorted(found.items())), counts
 
     @cached_property
     def kinds(self) -> frozenset[tuple[str, str, int]]:

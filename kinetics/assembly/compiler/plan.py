@@ -5,7 +5,8 @@ Letters are unknowns here: one for each part and each set of its cubes that symm
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -94,6 +95,11 @@ class Plan:
         for broken in self.breaks:
             found[broken.c].update(broken[:2])
         return {part: frozenset(left) for part, left in found.items()}
+
+    @cached_property
+    def bonds(self) -> dict[Channel, int]:
+        """How many bonds of a part can break so; empty if bonds hold."""
+        return Counter(channel for channel, _ in _broken(self.dockings)) if self.breaks else {}
 
     @cached_property
     def readings(self) -> dict[Reading, dict[Channel, Meeting]]:
@@ -190,6 +196,13 @@ def planned(dockings: Dockings, senses: Senses, breaks: bool = True) -> Plan:
 def _breaks(dockings: Dockings) -> dict[Channel, tuple[Wave, ...]]:
     """Every break of every part."""
     found: dict[Channel, dict[Wave, None]] = {}
+    for channel, waves in _broken(dockings):
+        found.setdefault(channel, {}).update(dict.fromkeys(waves))
+    return {channel: tuple(waves) for channel, waves in sorted(found.items())}
+
+
+def _broken(dockings: Dockings) -> Iterator[tuple[Channel, list[Wave]]]:
+    """The break of each bond of each part, with the waves in the two pieces."""
     for number, part in enumerate(dockings.parts.parts):
         structure = part.structure
         for i, j in structure.bonds:
@@ -207,8 +220,7 @@ def _breaks(dockings: Dockings) -> dict[Channel, tuple[Wave, ...]]:
                 writers = ((known[1][members.index(own)], loss),)
                 waves.append(_wave(dockings.parts.parts[known[0]], *known, before, writers))
             small, large = sorted(wave.part for wave in waves)
-            found.setdefault(Channel(large, small, number), {}).update(dict.fromkeys(waves))
-    return {channel: tuple(waves) for channel, waves in sorted(found.items())}
+            yield Channel(large, small, number), waves
 
 
 def _wave(

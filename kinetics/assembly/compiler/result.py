@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from kinetics.assembly.compiler.yields import Yields
 from kinetics.assembly.rules.conditions import Senses
 from kinetics.assembly.rules.rule_book import RuleBook
 
@@ -97,6 +98,9 @@ class Compiled:
     searched : among which books, and how far, a sentence each
     verified : how the book was proven, a sentence each
     certificate : None for a book that grows from a seed
+    yields : of the book; None for one that grows from a seed, where every seed becomes a target
+    gain : how much a longer search could raise the mean yield, by the sets of joins that were compared; None where the
+        joins were given, or the book grows from a seed
     """
 
     book: RuleBook
@@ -105,6 +109,8 @@ class Compiled:
     searched: tuple[str, ...]
     verified: tuple[str, ...]
     certificate: Certificate | None
+    yields: Yields | None = None
+    gain: float | None = None
 
     @property
     def letters(self) -> int:

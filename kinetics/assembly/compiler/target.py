@@ -134,6 +134,12 @@ class Target:
         return BookTarget(cubes=self.positions, letters=letters, tops=tops, fronts=self.fronts).structure()
 
 
+def describes_target(path: Path) -> bool:
+    """Whether a TOML file describes a target rather than a book: it places cubes, and has no letters."""
+    content = read_toml(path)
+    return "letters" not in content and not {"layers", "cubes"}.isdisjoint(content)
+
+
 def check_join(join: str) -> None:
     """ValueError if a join is not written as one."""
     if not _JOIN.fullmatch(join):

@@ -10,9 +10,23 @@ import pytest
 from click.testing import CliRunner
 
 from calibration.pipeline import growth_planner
-from calibration.pipeline.new_study import BREAK, JOIN, PLACE, extent, guessed_rates, new_study, plain_name, scene_for
+from calibration.pipeline.new_study import (
+    BREAK,
+    JOIN,
+    PLACE,
+    _source_of,
+    extent,
+    guessed_rates,
+    new_study,
+    plain_name,
+    scene_for,
+)
 from calibration.pipeline.plan import StudyPlan
 from kinetics.assembly import RuleBook, derive
+from kinetics.assembly.compiler import Target, compile_book
+from kinetics.assembly.compiler.yields import yields_of
+from kinetics.assembly.rules.rule_book import BOOKS
+from kinetics.assembly.rules.writing import written
 from kinetics.networkfree import grow
 from kinetics.rates import ClassRates, Rates
 from mechsim.runs.store import RunStore
@@ -103,6 +117,64 @@ def test_a_target_that_grows_from_a_seed_is_studied_by_class(tmp_path):
     assert (begun["initial"]["monomer"], begun["initial"]["seed"]) == (10, 2)
     with pytest.raises(ValueError, match="are not enough for a run that shows each rate"):
         new_study(str(folder / "target.toml"), tmp_path / "poor", cpu_hours=1e-9, cubes=(12,), held_out=(12,))
+
+
+def test_a_book_is_used_as_it_is(tmp_path):
+    """Neither compiled nor written anew; a target of the same name is something else."""
+    mine = tmp_path / "pairs.toml"
+    mine.write_text("# by hand\n" + (BOOKS / "line4_pairs.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    said = run("new", mine, tmp_path / "made", *SMALL, "--cpu-hours", BUDGET, "--json")
+    data = json.loads(said[said.index("{") : said.rindex("}") + 1])
+    assert (tmp_path / "made" / "book.toml").read_bytes() == mine.read_bytes()
+    assert not (tmp_path / "made" / "target.toml").exists()
+    yields = yields_of(derive(RuleBook.load("line4_pairs")))
+    assert data["yields"]["no_breaks"] == yields.holding
+    assert (data["gain"], data["verified"], data["letters"]) == (None, [], 3)
+    specs = StudyPlan.load(tmp_path / "made" / "plan.toml")
+    assert specs.specs(specs.calibration)
+    assert [_source_of(name)[0] for name in ("line4_pairs", "line4", "corner", str(mine))] == [True, False, False, True]
+    assert "unknown target or rule book 'neither'" in run("new", "neither", tmp_path / "none", code=2)
+
+
+def test_a_low_yield_is_warned_of(tmp_path, study):
+    assert study[1]["yields"]["no_breaks"] > 0.1
+    mine = tmp_path / "slow.toml"
+    mine.write_text(written(compile_book(Target.load("screw"), joins=["1+1", "1+2", "1+3"]).book), encoding="utf-8")
+    small = ("--cubes", "40", "--held-out", "12", "--along", "200", "2000", "--cpu-hours", "1")
+    low, high = run("new", mine, tmp_path / "low", *small), run("new", "line4_pairs", tmp_path / "high", *small)
+    assert "warning: yield below 0.1" in low
+    assert "warning: yield" not in high
+    assert "yield 0.9" in high
+
+
+def test_an_engine_is_offered_and_taken(tmp_path, study, monkeypatch):
+    """The same runs by our own engine; nothing is offered where the engine was chosen, or is no quicker."""
+
+    class Costs:
+        own = 0.25
+
+        def __init__(self, _):
+            pass
+
+        def __call__(self, spec):
+            return spec.duration * spec.n_cubes * 1e-4 * (self.own if spec.scene.numerics.engine == "own" else 1.0)
+
+    monkeypatch.setattr("calibration.pipeline.new_study.RunCosts", Costs)
+    wide = {"width": 0.5, "cubes": (12,), "held_out": (12,), "along": (0.0, 800.0)}
+    usual, own = (
+        new_study("l3", tmp_path / f"made-{engine}", engine=engine, **wide).planned for engine in (None, "own")
+    )
+    assert usual.gains == {"own": pytest.approx(4.0)}
+    assert own.gains == {}
+    total, other = (made.calibration_seconds + made.held_out_seconds for made in (usual, own))
+    assert other == pytest.approx(total / 4)
+    assert usual.to_dict()["other_engines"][0]["cpu_seconds"] == pytest.approx(other)
+    assert f"CPU time with --engine own: calibration {own.calibration_seconds / 3600:.2f} h" in usual.cost
+    assert Scene.load(tmp_path / "made-own" / "scene.toml").numerics.engine == "own"
+    plan = StudyPlan.load(tmp_path / "made-own" / "plan.toml")
+    assert {spec.scene.numerics.engine for spec in plan.specs(plan.calibration)} == {"own"}
+    monkeypatch.setattr(Costs, "own", 0.9)  # the control
+    assert new_study("l3", tmp_path / "slow", **wide).planned.gains == {}
 
 
 def test_ctrl_c_ends_the_plan_of_growth(tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 """From a scene and pilot rates to a plan, and the command that does it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -89,6 +90,32 @@ def test_what_no_number_of_runs_can_show(planned):
     width = float(breaks[0].split("a width of ")[1].split("%")[0]) / 100
     enough = make_plan(request(width=0.9 * width, shift=0.2, held_out=(30,)), pilot(), seconds)
     assert all(test.limit >= 0.9 for test in enough.tests)
+    named = float(breaks[0].split("--width ")[1].split("%")[0]) / 100
+    assert 0.8 * width < named < width
+    assert make_plan(request(width=named, shift=0.2, held_out=(30,)), pilot(), seconds).shortfalls == []
+
+
+def test_the_option_that_is_named_reaches_the_power(planned):
+    """With the hours that a shortfall names, nothing falls short; the control has half of them."""
+    hours = 0.6 * (planned.calibration_seconds + planned.held_out_seconds) / 3600
+    short = make_plan(request(cpu_hours=hours), pilot(), seconds)
+    named = max(float(said.split("--cpu-hours ")[1]) for said in short.shortfalls)
+    assert make_plan(request(cpu_hours=named), pilot(), seconds).shortfalls == []
+    assert make_plan(request(cpu_hours=0.5 * named), pilot(), seconds).shortfalls
+
+
+def test_what_no_measurement_can_show_names_longer_runs():
+    test = HeldOutTest(20, GroupPower("breaks", 0.0, np.inf, ((0.8, 0.0), (1.2, 0.0))), None, 0.0)
+    found = replace(make_plan(request(), pilot(), seconds), tests=(test,), held_out_runs={20: 2})
+    assert "give a longer --held-out-duration" in found.shortfalls[0]
+
+
+def test_widths_that_tell_nothing_are_called_so(planned):
+    few = replace(planned, runs=np.minimum(planned.runs, 1))
+    assert f"Half-widths of {planned.width:.1%} or less for every join" in planned.plan.purpose
+    none = replace(few, tanks=tuple(replace(tank, events=tank.events / 50) for tank in few.tanks))
+    assert none.width > 1
+    assert f"Half-widths of {none.width:.0%}, too wide to tell anything, for every join" in none.plan.purpose
 
 
 def test_held_out_runs_within_a_budget():

@@ -22,7 +22,7 @@ from kinetics.assembly.compiler import (
     compiling,
 )
 from kinetics.assembly.compiler.budget import Budget
-from kinetics.assembly.compiler.fewest import target_yield
+from kinetics.assembly.compiler.yields import yields_of
 from kinetics.assembly.rules.writing import written
 from kinetics.commands.compile import time_since_start
 
@@ -226,19 +226,6 @@ def test_time_that_ends_while_a_remedy_is_sought_leaves_the_reason(monkeypatch):
     assert ends == {InfeasibleError, UndecidedError}
 
 
-def test_of_as_many_letters_and_rules_the_largest_yield(compiled):
-    book = compiled["t5"].book
-    assert len(book.all_rules) == 5
-    own = target_yield(book)
-    others = [
-        made.book
-        for made in all_books(Target.load("l3"), time_limit=float("inf"))
-        if (made.letters, len(made.book.all_rules)) == (2, len(compiled["l3"].book.all_rules))
-    ]
-    assert 0 < own < 1
-    assert target_yield(compiled["l3"].book) >= max(map(target_yield, others)) > 0
-
-
 def test_all_choices_of_joins_of_a_line():
     books = list(all_books(Target.load("line4"), time_limit=float("inf")))
     joins = [frozenset(made.joins) for made in books]
@@ -286,7 +273,24 @@ def test_the_command_writes_a_book_that_checks(tmp_path):
     assert "1 letter, any joins: none does, all were tried" in done.out
     assert len(RuleBook.load(tmp_path / "made.toml").letters) == 2
     assert run_here("rules", "check", "made.toml", cwd=tmp_path).code == 0
-    assert run_here("rules", "compile", "line4", "--joins", "1+1, 2+2", "--json", cwd=tmp_path).json["letters"] == 2
+    assert yields_of(derive(RuleBook.load(tmp_path / "made.toml"))).holding > 0.9
+    assert "yield 0.98 (no breaks), 0.84 (break = 0.0001) (60 cubes, 2,000 tu, join = 0.0001" in done.out
+    assert "all 7 sets of joins (a longer search of these sets gains nothing" in done.out
+    assert "warning" not in done.err
+    given = run_here("rules", "compile", "line4", "--joins", "1+1, 2+2", "--json", cwd=tmp_path).json
+    assert (given["letters"], given["gain"]) == (2, None)
+
+
+def test_the_command_warns_of_a_low_yield(tmp_path):
+    """And says what a longer search could gain: with few steps, sets that yield more are not decided."""
+    said = run_here("rules", "compile", "screw", "--joins", "1+1, 1+2, 1+3", "--out", "made.toml", cwd=tmp_path)
+    assert "warning: yield below 0.1 (no breaks, break = 0.0001)" in said.err
+    (tmp_path / "L.toml").write_text('layers = ["#..\\n#..\\n###"]\n')
+    hasty, usual = (
+        run_here("rules", "compile", "L.toml", "--effort", effort, "--json", cwd=tmp_path).json for effort in (0.05, 1)
+    )
+    assert usual["yields"]["no_breaks"] >= hasty["yields"]["no_breaks"]
+    assert (hasty["effort"], usual["gain"]) == (0.05, 0.0)
 
 
 def test_the_time_limit_counts_from_the_start_of_the_process(tmp_path, monkeypatch):
