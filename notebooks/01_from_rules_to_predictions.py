@@ -310,7 +310,7 @@ for ax in axes.flat[len(predicted.comparisons) :]:
 # %% [markdown]
 # ### The verdict
 #
-# By the rules of the plan, stated before the runs, from 299 simulated groups of runs (`validate` takes up to 49,999 if
+# By the rules of the plan, stated before the runs, from 299 simulated groups of runs (`validate` takes up to 9,999 if
 # a p-value stays small):
 
 # %%

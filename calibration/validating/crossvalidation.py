@@ -31,7 +31,7 @@ from kinetics.support.intervals import student_interval
 
 # The 50th of 1,999 groups from either end bound a 95 % band: one more group falls below it with chance 50 / 2000.
 GROUPS = 1999
-MOST_GROUPS = 49_999  # where the p-value of some events stays small: p < 1e-4 can then be told from larger ones
+MOST_GROUPS = 9_999  # where the p-value of some events stays small: p < 5e-4 can then be told from larger ones
 LEVEL = 0.95  # of bands and intervals
 EXACT_STATES = 200_000  # with more reachable states than these the prediction is the mean of SSA runs
 

@@ -257,7 +257,7 @@ def event_rows(
     """A row for each group of channels: of one experiment, or of several pooled.
 
     First some 2,000 groups are simulated, then twice as many while a p-value has fewer than five groups on its side,
-    to 49,999 at most, see `sequential_p`.
+    to 9,999 at most, see `sequential_p`.
     """
     observed = EventTotals.pooled([each.observed for each in held_out])
     numbers = held_out[0].looks

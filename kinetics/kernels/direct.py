@@ -15,7 +15,7 @@ from kinetics.kernels.ensemble_work import BEFORE, EVENTS, LOOK, PASSED, RUN
 from kinetics.kernels.outcomes import OVERFLOW, REACHED_END, STOPPED, UNFINISHED
 from kinetics.kernels.stopping import holds
 from kinetics.kernels.streams import exponential, next_word, start_stream, uniform
-from kinetics.kernels.thinning import kept_channel, with_candidates
+from kinetics.kernels.thinning import candidates, kept_channel
 
 BUFFER = 1024  # events that are kept before they are written to the grid
 
@@ -39,6 +39,8 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop):
     n_channels, n_species = changes.shape
     n_blocks = (n_channels + BLOCK - 1) // BLOCK
     has_sums = len(terms) > 0
+    in_crowd = model.thinning is not None  # known when this is compiled
+    ratio, crowded = candidates(model.thinning)
     has_general = np.any(model.is_general)
     copies = np.empty(n_species + 1 + len(terms))  # so that each count is converted once, not once a channel
     for s in range(n_species + 1):
@@ -77,7 +79,12 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop):
                 within[r] = part
             total += part
             upto[block] = total
-        surely, total = total, with_candidates(model.thinning, within, upto, total)
+        surely = total
+        if in_crowd:
+            before = 0.0
+            if crowded > 0:
+                before = within[crowded - 1] + (upto[(crowded - 1) // BLOCK - 1] if crowded > BLOCK else 0.0)
+            total += ratio * (total - before)
         # Step 2: the wait, an exponential of rate a_0 = sum of a_r (eq. 21a).
         word, s0, s1, s2, s3 = next_word(s0, s1, s2, s3)
         later, outcome = next_time(t, exponential(word), total, clock)
@@ -93,7 +100,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop):
         # large, the second comparison stops at the last positive propensity: none without reactants fires.
         word, s0, s1, s2, s3 = next_word(s0, s1, s2, s3)
         aim = uniform(word) * total
-        if model.thinning is not None and aim >= surely and surely < total:
+        if in_crowd and aim >= surely and surely < total:
             chosen = kept_channel(model.thinning, first, within, copies, aim - surely, n_channels)
         else:
             block, target = block_at(upto, aim, total)
@@ -104,7 +111,7 @@ def advance(model, changes, counts, clock, end, stream, times, fired, stop):
         # Step 4: fire. A count beyond 63 bits wraps to a negative one; the event is then undone. A candidate that is
         # not kept has the channel G, which changes nothing.
         overflowed = False
-        if model.thinning is None or chosen < n_channels:
+        if not in_crowd or chosen < n_channels:
             for s in range(n_species):
                 counts[s] += changes[chosen, s]
                 overflowed |= counts[s] < 0
@@ -145,7 +152,7 @@ def ensemble(model, changes, work, initial, grid, key, first_run, limits, out, m
     be looked at, or that which stopped the run at hand.
     """
     counts, clock, stream, notes = work.counts, work.clock, work.stream, work.notes
-    n_species = initial.size
+    n_species, in_crowd = initial.size, model.thinning is not None
     times = np.empty(BUFFER)
     fired = np.empty(BUFFER, dtype=np.int64)
     state = np.empty(n_species, dtype=np.int64)
@@ -169,7 +176,7 @@ def ensemble(model, changes, work, initial, grid, key, first_run, limits, out, m
             outcome, n_events = advance(model, changes, counts, clock, end, stream, times[:room], fired[:room], stop)
             for event in range(n_events):
                 seen = record(state, times[event], grid, seen, out[i])
-                if model.thinning is None or fired[event] < len(changes):
+                if not in_crowd or fired[event] < len(changes):
                     for s in range(n_species):
                         state[s] += changes[fired[event], s]
             notes[PASSED] = seen

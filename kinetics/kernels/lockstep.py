@@ -165,7 +165,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
             for lane in range(lanes):
                 total[lane] += part[lane]
                 upto[np.uint64(block), lane] = total[lane]
-        add_candidates(model.thinning, within, upto, total, active)
+        add_candidates(model.thinning, within, upto, part, total, active)
 
         # Step 2: the waits (eq. 21a); both words of an event are drawn at once.
         n_crossed = 0

@@ -3,28 +3,36 @@
 Without a crowd the `thinning` of a model is None. Each function then compiles to nothing, so it costs a kernel nothing.
 """
 
+import numpy as np
+
 from kinetics.kernels.blocks import BLOCK
 from kinetics.kernels.compiled import compiled
 
 
 @compiled
-def with_candidates(thinning, within, upto, total):
-    """The rate of events and candidates, 1/tu, from running sums of propensities and their total."""
+def candidates(thinning):
+    """Candidates to each event at the low factors, and the first channel that the crowd changes."""
     if thinning is None:
-        return total
-    before, last = 0.0, thinning.first - 1
-    if last >= 0:
-        before = within[last] + (upto[last // BLOCK - 1] if last >= BLOCK else 0.0)
-    return total + thinning.ratio * (total - before)
+        return 0.0, 0
+    return thinning.ratio, thinning.first
 
 
 @compiled
-def add_candidates(thinning, within, upto, total, active):
-    """`with_candidates` in the lanes of `lockstep`; `total` is changed in place."""
+def add_candidates(thinning, within, upto, part, total, active):
+    """Add the rate of candidates, 1/tu, to the totals of the lanes of `lockstep`; `part` is scratch."""
     if thinning is None:
         return
-    for lane in range(active):
-        total[lane] = with_candidates(thinning, within[:, lane], upto[:, lane], total[lane])
+    last, ratio, lanes = thinning.first - 1, thinning.ratio, np.uint64(active)
+    for lane in range(lanes):
+        part[lane] = 0.0
+    if last >= 0:
+        for lane in range(lanes):
+            part[lane] = within[np.uint64(last), lane]
+    if last >= BLOCK:
+        for lane in range(lanes):
+            part[lane] += upto[np.uint64(last // BLOCK - 1), lane]
+    for lane in range(lanes):
+        total[lane] += ratio * (total[lane] - part[lane])
 
 
 @compiled

@@ -104,8 +104,9 @@ class Crowding:
 
         conserved : name -> its amount (S,) in one copy of each species, as of `Network`
 
-        They are proven, and not the narrowest: each is bounded by its least and largest share in a unit of one quantity,
-        or of all together. The highest is inf where nothing bounds it. Cost: linear in species times quantities.
+        They are proven, and not the narrowest: each is bounded by its least and largest share in a unit of one
+        quantity, or of all together. The highest is inf where nothing bounds it.
+        Cost: linear in species times quantities.
 
         >>> from kinetics.network import Crowding
         >>> low, high = Crowding([0.5, 0.8], [0.0, 0.0], [[0, 1, 2]]).ranges({"parts": [1, 2]}, [10, 0])
@@ -126,8 +127,9 @@ class Crowding:
     def laws(self, network: Reactions) -> dict[str, Expression]:
         """The rate laws of the channels that the crowd changes: combinations of reactants times the factor.
 
-        `Network.crowding` puts them into a network, which is then solved and written like any other with rate laws, with
-        their proven bounds on rounding. Cost: linear in channels times species. ValueError: factors of another network.
+        `Network.crowding` puts them into a network, which is then solved and written like any other with rate laws,
+        with their proven bounds on rounding. Cost: linear in channels times species.
+        ValueError: factors of another network.
 
         >>> from kinetics.network import Crowding, Network
         >>> pairs = Network.from_text("hit: AA + A -> 3 A, 0.1")

@@ -75,8 +75,8 @@ def thinning_of(network: Network, start: Ints, spans: Ints, members: Ints, partn
     Low factors are such that merged channels still share sums. Beside bodies they have the form a_channel b_partner, so
     that weights stay alike; at walls they may rise with s, which as a sum over bodies goes into that of the weights.
     """
-    crowding = network.crowding
-    assert crowding is not None
+    if (crowding := network.crowding) is None:
+        raise ValueError("the network has no crowd")
     (s, phi), (most_s, most_phi) = crowding.ranges(network.conserved, start)
     is_bounded = most_s < inf and most_phi < 1
     surfaces, free = np.array([s, s, most_s]), 1 - np.array([phi, most_phi, most_phi])

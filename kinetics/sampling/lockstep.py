@@ -98,8 +98,9 @@ class LockstepSampler:
     def model_from(self, initial: Ints) -> MergedChannels:
         """The tables for runs from counts (S,), on which those of a crowd depend."""
         # In a crowd runs one by one compute all propensities anew, as here.
-        in_crowd = isinstance(self.one_by_one, RecomputingSampler) and self.merging.crowded is not None
-        return self.one_by_one.model_from(initial) if in_crowd else self.model
+        if isinstance(self.one_by_one, RecomputingSampler) and self.merging.crowded is not None:
+            return self.one_by_one.model_from(initial)
+        return self.model
 
     def ensemble(
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints, watch: Watch

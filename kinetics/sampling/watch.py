@@ -2,8 +2,8 @@
 
 Kernels return after a fraction of a second and go on from where they were, with the same bits: Ctrl-C is heard between
 calls. A run that has made many events is looked at, and again whenever it has doubled them. It is truncated where it
-has made `max_events`; or at once, where its propensities grow and its rate equations forecast that it will come to
-more: the figures of times before are the same.
+has made `max_events`, in a crowd with the candidates that thinning throws away; or at once, where its propensities grow
+and its rate equations forecast that it will come to more: the figures of times before are the same.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ from math import exp
 
 import numpy as np
 import pytest
+from crowded_networks import LINE as CROWDED
 from known_systems import assert_follows_cdf, assert_follows_table, bare_line, decay, line, network, switch
 from numpy.testing import assert_array_equal
 from sampled_networks import ENZYME, MIXED, PRODUCTS, THIRD_ORDER, ring
@@ -36,6 +37,7 @@ SMALL = {
     "enzyme": (ENZYME, [3, 9, 0, 0], 1.5),
     "mixed": (MIXED.with_rates([0.2, 0.4, 0.15, 0.3, 0.2, 0.5]), [9, 1, 2], 0.6),
     "line of four": (QUICK_LINE, [8, 0, 0, 0], 20.0),
+    "line in a crowd": (CROWDED, [8, 0, 0, 0], 3.0),
     "third order": (THIRD_ORDER, [11, 2], 2.0),
     "ordered pairs": (ORDERED, [13, 0], 0.25),
     "squares": (PRODUCTS, [13, 0], 0.25),
@@ -155,7 +157,7 @@ def test_events_happen_when_they_are_due(method):
 
 
 @named
-@pytest.mark.parametrize("net", [QUICK_LINE, ring(40), WAVE], ids=["line", "ring", "wave"])
+@pytest.mark.parametrize("net", [QUICK_LINE, CROWDED, ring(40), WAVE], ids=["line", "crowd", "ring", "wave"])
 def test_a_run_is_the_same_however_it_is_asked_for(method, net):
     """For any threads, grid, number of runs and first run; and as a path."""
     if refused(method, net):
@@ -187,6 +189,7 @@ CONDITIONS = {
     "line": (QUICK_LINE, 3.0, "quadmer >= 2"),
     "line, all joined": (QUICK_LINE, 3.0, "!(monomer / 4 + 0.5 * dimer > 9.5) & trimer != 1 | tetra >= 9"),
     "line, no sums": (QUICK_LINE, 3.0, "dimer * trimer >= 6 & max(dimer, tetra) > 3"),
+    "line in a crowd": (CROWDED, 3.0, "quadmer >= 2"),
     "ring": (ring(40), 3.0, "tetra == 2"),
     "wave": (WAVE, 3.0, "X >= 12"),
     "events": (DOSED, 2.0, "X >= 13"),

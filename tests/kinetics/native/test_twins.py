@@ -6,6 +6,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 from break_studies import TANK, by_first_coefficient
+from crowded_networks import JOINING, LINE, SWELLING
 from known_systems import line
 from numpy.testing import assert_array_equal
 from sampled_networks import ENZYME, MIXED, PRODUCTS, THIRD_ORDER, ring
@@ -35,6 +36,9 @@ JUMP = Network.from_reactions({"jump": ({"B": 1}, {"A": 2**62, "B": 1})}, [1.0])
 CASES = {
     "line": (line(), [60, 0, 0, 0], 2000.0),
     "broken by partners": (COLLIDING, np.eye(len(COLLIDING.species), dtype=int)[0] * 40, 2000.0),
+    "hits in a crowd": (LINE, [8, 0, 0, 0], 60.0),
+    "joins in a crowd": (JOINING, [8, 0, 0, 0], 60.0),
+    "a crowd that swells": (SWELLING, [12, 1], 30.0),
     "enzyme": (ENZYME, [30, 90, 0, 0], 3.0),
     "mixed": (MIXED, [90, 10, 20], 1.0),
     "third order": (THIRD_ORDER, [11, 2], 2.0),
@@ -81,7 +85,8 @@ def ended(make, in_c, net, initial, end, runs, events_a_call=10**6, until=None):
     stop = never(len(changes)) if until is None else stop_at(until, net, start)[0].of_channels(merging.representatives)
     reached = np.full(runs, np.inf)
     with patch.object(twins, "is_built", return_value=in_c):
-        return make(merging.model(), changes, start, grid, out, events_a_call, (stop, reached)), out, reached
+        model = merging.model(None, merging.thinning(start))
+        return make(model, changes, start, grid, out, events_a_call, (stop, reached)), out, reached
 
 
 @pytest.mark.parametrize("runs", [1, 20, 150])
@@ -97,6 +102,7 @@ def test_runs_have_the_same_bits(name, kernel, runs):
 UNTIL = {
     "line": "dimer >= 9 & !(monomer > 40) | quadmer == 3",
     "broken by partners": "dimer >= 3",
+    "hits in a crowd": "dimer >= 2",
     "mixed": "A + 2 * B >= 96",
     "ring": "place0 - 1.5 * place1 < -12",
     "third order": "A * B < 18",
@@ -137,7 +143,15 @@ def run_by(kernel, net, initial, end, model=None):
     while outcome == outcomes.UNFINISHED and len(found) < 40:
         times, fired = np.empty(50), np.empty(50, np.int64)
         outcome, n = kernel(
-            model or merging.model(), changes, counts, clock, end, stream, times, fired, never(len(changes))
+            model or merging.model(None, merging.thinning(counts[:-1])),
+            changes,
+            counts,
+            clock,
+            end,
+            stream,
+            times,
+            fired,
+            never(len(changes)),
         )
         found.append((times[:n], fired[:n]))
     return outcome, *map(np.concatenate, zip(*found, strict=True)), counts, clock, stream
