@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from calibration.estimating.rate_fit import fit_rates as fit_rates
     from calibration.estimating.rate_model import RateModel as RateModel
     from calibration.reporting.report import Chart as Chart
+    from calibration.reporting.report import Fold as Fold
     from calibration.reporting.report import Heading as Heading
     from calibration.reporting.report import HtmlReport as HtmlReport
     from calibration.reporting.report import ReportTable as ReportTable

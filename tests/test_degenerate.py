@@ -102,7 +102,7 @@ def one_run_results():
     paths = [sample_path(pair, start, end=end, seed=1)]
     for runs in (short, paths):
         yield from (estimate(runs), diagnose(runs), fit_rates(MassActionRates(), runs))
-        yield BreakComparison.asked_for("auto", runs)
+        yield BreakComparison.of(runs)
     rates = estimate(paths).rates()
     yield predict(Model(pair, start), rates, [end], runs=1, seed=1, draws=2)
     yield crossvalidate(rates, paths, times=[end], groups=40, most_groups=40)

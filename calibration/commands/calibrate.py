@@ -166,8 +166,8 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
         echo_json({"out": out} | study.to_dict() | ({} if isinstance(study, ClassStudy) else {"seed": seed}))
     else:
         click.echo(class_rates_table(study) if isinstance(study, ClassStudy) else rates_table(study))
-        if isinstance(study, CalibrationStudy) and study.break_models is not None:
-            click.echo(breaks_table(study.break_models))
+        if isinstance(study, CalibrationStudy) and study.shown_breaks is not None:
+            click.echo(breaks_table(study.shown_breaks))
         if isinstance(study, CalibrationStudy) and study.crowding_models is not None:
             click.echo(f"{study.crowding_models}")
         click.echo(f"rates written to {out}")

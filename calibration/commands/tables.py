@@ -9,10 +9,10 @@ from calibration.estimating.class_spread import flagged
 from calibration.estimating.diagnosing.diagnosis import Diagnosis
 from calibration.estimating.study import CalibrationStudy, ClassStudy
 from calibration.pipeline.held_out_study import GrowthStudy, ValidationStudy
-from calibration.reporting.overview import about_not_seen
+from calibration.reporting.overview import about_not_seen, rate_rows
 from calibration.validating.predictive import shown_p
 from kinetics.rates import about_priors
-from kinetics.support.tables import figure, inverse, of_unit, text_table
+from kinetics.support.tables import figure, rate_figure, text_table
 
 
 def breaks_table(compared: BreakComparison) -> str:
@@ -44,22 +44,10 @@ def breaks_table(compared: BreakComparison) -> str:
 def rates_table(study: CalibrationStudy) -> str:
     """Rates with intervals, and which channels were not seen, for people."""
 
-    rows = [
-        (
-            row["channel"],
-            f"{row['ways']:g}",
-            figure(row["rate"], ".3g"),
-            row["note"] or f"{row['low']:.3g} to {row['high']:.3g}",
-            str(row["events"]),
-            f"{row['exposure']:.4g}",
-        )
-        for row in study.calibration.table()
-    ]
-    unit = study.calibration.network.time_unit
-    titles = ("channel", "N", of_unit("rate", inverse(unit)), "95 % interval", "events", of_unit("exposure", unit))
-    lines = [text_table(titles, rows), *filter(None, [study.diagnosis.looks.sentence])]
-    if unseen := about_not_seen(study.calibration):
-        lines.append(unseen)
+    rows = rate_rows(study.calibration)
+    titles = ("N" if title == "ways" else title for title in rows[0])
+    lines = [text_table(tuple(titles), [tuple(row.values()) for row in rows])]
+    lines += filter(None, [study.diagnosis.looks.sentence, study.about_breaks, about_not_seen(study.calibration)])
     lines += ["", *diagnosis_lines(study.diagnosis), ""]
     lines.append(study.source)
     return "\n".join(lines)
@@ -155,7 +143,7 @@ def class_rates_table(study: ClassStudy) -> str:
     rows = [
         (
             row["class"],
-            figure(row["rate"], ".3g"),
+            rate_figure(row["rate"], row["high"]),
             f"{figure(row['low'], '.3g')} to {figure(row['high'], '.3g')}",
             f"{row['events']:.3g}",
             f"{row['exposure']:.4g}",

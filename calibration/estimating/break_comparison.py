@@ -8,7 +8,16 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from calibration.estimating.break_fit import admits, break_channels, deviance, fit_breaks, log_score, rates_of_fit
+from calibration.estimating.break_fit import (
+    admits,
+    break_channels,
+    breaks_seen,
+    can_be_compared,
+    deviance,
+    fit_breaks,
+    log_score,
+    rates_of_fit,
+)
 from calibration.estimating.double_breaks import DoubleBreaks, double_breaks
 from calibration.estimating.estimate import Calibration
 from calibration.estimating.exposure import Crowd
@@ -24,6 +33,7 @@ from kinetics.rates.breaks import ALONE, BREAK_MODELS, BreakModel, break_model
 from kinetics.runs import JumpPath
 from kinetics.support.cli.progress import stage
 from kinetics.support.shown import ResultTable, Shown
+from kinetics.support.tables import counted
 
 if TYPE_CHECKING:
     from kinetics.rates import CrowdingTerms, Rates
@@ -65,12 +75,15 @@ class BreakComparison(Shown):
         within: float | None = None,
         crowd: Crowd | None = None,
     ) -> BreakComparison:
-        """Fit all models that the network admits, with the factors of the crowd on all of them."""
+        """Fit all models that the network admits and the breaks can tell apart, with the factors of the crowd on all.
+
+        Models with more parameters than breaks were seen are left out; see `can_be_compared`.
+        """
         stage("fitting break models")
         runs = tuple(paths)
-        admitted = [model for model in models if admits(model, runs[0].network)]
-        fits = tuple(fit_breaks(model, runs, crowd=crowd) for model in admitted)
-        return cls(fits, tuple(_fits_by_partner(admitted, runs, crowd)), within)
+        held = [model for model in models if can_be_compared(model, runs)]
+        fits = tuple(fit_breaks(model, runs, crowd=crowd) for model in held)
+        return cls(fits, tuple(_fits_by_partner(held, runs, crowd)), within)
 
     @classmethod
     def asked_for(
@@ -78,13 +91,17 @@ class BreakComparison(Shown):
     ) -> BreakComparison | None:
         """Fit one break model, or all of them for `auto`; None if nothing breaks.
 
-        ValueError: an unknown model, or one that this network does not admit.
+        For `auto` also None if no break was seen, or too few to compare models: breaks are then of first order, as
+        counted. ValueError: an unknown model, or one that this network does not admit.
         """
         runs = tuple(paths)
         if not break_channels(runs[0].network):
             return None
         if name == "auto":
-            return cls.of(runs, within=within, crowd=crowd)
+            admitted = [model for model in BREAK_MODELS if admits(model, runs[0].network)]
+            held = [model for model in admitted if can_be_compared(model, runs)]
+            is_open = not breaks_seen(runs).any() or len(held) < min(2, len(admitted))
+            return None if is_open else cls.of(runs, within=within, crowd=crowd)
         model = break_model(name)
         return cls((fit_breaks(model, runs, crowd=crowd),), tuple(_fits_by_partner([model], runs, crowd)), within)
 
@@ -234,6 +251,13 @@ def _score_of_fold(fit: RateFit, fold: int) -> float:
     return log_score(refit, fit.likelihood.subset([i for i in numbers if i % FOLDS == fold]))
 
 
+def too_few(breaks: int) -> str:
+    """Why no break model was chosen, in words: no break was seen, or not enough of them."""
+    if not breaks:
+        return "no breaks were seen: each rate is an upper limit (95 %)"
+    return f"{counted(breaks, 'break')} {'was' if breaks == 1 else 'were'} seen, too few to compare break models"
+
+
 def shape_in_words(shape: Mapping[str, Mapping[str, Any]]) -> str:
     """The shape parameters of a row of the table, with their intervals."""
     parts = [
@@ -256,4 +280,4 @@ def rates_with_breaks(
     """
     if compared is None:
         return calibration.rates(evidence).replace(crowding=crowding)
-    return rates_of_fit(calibration, compared.chosen, dict(evidence or {}) | {"break_model": compared.reason}, crowding)
+    return rates_of_fit(calibration, compared.chosen, {"break_model": compared.reason} | dict(evidence or {}), crowding)

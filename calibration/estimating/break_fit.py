@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,12 +11,14 @@ from calibration.estimating.break_rates import BreaksBySpecies
 from calibration.estimating.estimate import Calibration, prior_of
 from calibration.estimating.exposure import Crowd, require_tanks
 from calibration.estimating.likelihood import PathLikelihood
-from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, fit_rates
+from calibration.estimating.rate_fit import LikelihoodRatio, RateFit, can_hold, fit_rates
 from calibration.estimating.shape_posterior import shape_posterior
 from kinetics.network import Network
 from kinetics.rates import CrowdingTerms, Rates
 from kinetics.rates.breaks import BreakModel, is_break
-from kinetics.runs import JumpPath
+from kinetics.runs import RESTART, JumpPath
+from kinetics.support.arrays import Ints
+from kinetics.support.intervals import exact_limits
 from kinetics.support.packages import special
 from kinetics.support.settings import validated
 
@@ -27,6 +29,13 @@ if TYPE_CHECKING:
 def break_channels(network: Network) -> tuple[str, ...]:
     """The channels by which structures break."""
     return tuple(np.array(network.channels, dtype=object)[is_break(network)])
+
+
+def breaks_seen(paths: Iterable[JumpPath]) -> Ints:
+    """Breaks (B,) of each channel by which structures break, over all runs of one network."""
+    runs = tuple(paths)
+    fired = np.concatenate([path.channels[path.channels != RESTART] for path in runs])
+    return np.bincount(fired, minlength=len(runs[0].network.channels))[is_break(runs[0].network)]
 
 
 def fit_breaks(
@@ -75,6 +84,15 @@ def admits(model: BreakModel, network: Network) -> bool:
     return True
 
 
+def can_be_compared(model: BreakModel, paths: Sequence[JumpPath]) -> bool:
+    """Whether the network admits the model, and the breaks outnumber its parameters; one without shape needs none."""
+    network = paths[0].network
+    if not admits(model, network):
+        return False
+    shape = len(model.parameters(network))
+    return not shape or can_hold(breaks_seen(paths), shape)
+
+
 def log_score(fit: RateFit, others: PathLikelihood) -> float:
     """Log-likelihood of the breaks of held-out runs under rates from a fit to other runs.
 
@@ -92,7 +110,8 @@ def deviance(fit: RateFit) -> LikelihoodRatio:
     """Breaks seen and expected by channel and group of runs alike in tank and initial counts: does one model fit all?
 
     The p-value is by the chi-square distribution, for which a group should expect a few breaks. A channel without any
-    break fits by itself: it adds neither to the statistic nor to the degrees of freedom.
+    break fits by itself: it adds neither to the statistic nor to the degrees of freedom. Where none are left, as for
+    runs that are all alike, freedom is 0, and statistic and p-value are nan: any model would fit.
     """
     groups: dict[tuple[object, ...], list[JumpPath]] = {}
     for path in fit.likelihood.paths:
@@ -110,9 +129,9 @@ def deviance(fit: RateFit) -> LikelihoodRatio:
     )
     shape = sum(parameter.name not in fit.fixed for parameter in fit.model.shape)
     freedom = int(possible.sum()) - int(possible.any(axis=0).sum()) - shape
-    return LikelihoodRatio(
-        statistic, freedom, float(special.chdtrc(freedom, statistic)) if freedom > 0 else float("nan")
-    )
+    if freedom < 1:
+        return LikelihoodRatio(float("nan"), 0, float("nan"))
+    return LikelihoodRatio(statistic, freedom, float(special.chdtrc(freedom, statistic)))
 
 
 def rates_of_fit(
@@ -141,12 +160,13 @@ def rates_of_fit(
         if observed[places[i]] <= 0:
             channels[name] |= prior_of(name, calibration.network, seen, observed)
             continue
-        low, high = fit.interval(f"b {name}")
+        # without events the likelihood's limit is one of 85 %: exp(-1.92); the exact one, at this shape, is of 97.5 %
+        low, high = fit.interval(f"b {name}") if seen[places[i]] else exact_limits(0, observed[places[i]])
         b = float(fit.best.coefficients[0, i])
         channels[name] |= {
             "rate": b,
-            "low": min(low, b),
-            "high": max(high, b),
+            "low": min(float(low), b),
+            "high": max(float(high), b),
             "exposure": float(weights @ exposures[i]),
             "exposures": tuple(exposures[i].tolist()),
         }

@@ -12,12 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.estimating.break_comparison import too_few
 from calibration.estimating.break_rates import BreakRates, BreaksBySize
 from calibration.estimating.exposure import require_tanks
 from calibration.estimating.grouping import SHARINGS, Grouping, Sharing
 from calibration.estimating.likelihood import PathLikelihood
 from calibration.estimating.models import MassActionRates
-from calibration.estimating.rate_fit import RateFit, simplest
+from calibration.estimating.rate_fit import RateFit, can_hold, simplest
 from calibration.estimating.shape_posterior import shape_posterior
 from kinetics.assembly import Derivation
 from kinetics.network import Tank
@@ -63,6 +64,11 @@ class ClassFit(RateFit):
         # Without events nothing is known of the shape: it stays as it is.
         fixed = {} if likelihood.counts.any() else of.shape_values
         return cls(likelihood, {}, likelihood.maximum(fixed), sharing)
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the events outnumber the constants that they call for, and the shape."""
+        return can_hold(self.best.events, len(self.model.shape))
 
     @property
     def breaks(self) -> BreakModel | None:
@@ -146,12 +152,16 @@ class ClassCalibration:
 
     @cached_property
     def break_fits(self) -> tuple[ClassFit, ...]:
-        """One for each break model and way of sharing constants; none if nothing could break."""
+        """One for each break model and way of sharing constants that the breaks can hold; none if nothing could break.
+
+        The first one is always there.
+        """
         if not measured(self.breaks).any():
             return ()
         alike = {"touched"} if "event" in self.sharings else set()  # at a bond that breaks one face meets one
         sharings = [sharing for sharing in self.sharings if sharing not in alike]
-        return tuple(ClassFit.of(self.breaks, sharing, model) for model in self.models for sharing in sharings)
+        first, *rest = (ClassFit.of(self.breaks, sharing, model) for model in self.models for sharing in sharings)
+        return (first, *(fit for fit in rest if fit.is_held))
 
     @cached_property
     def chosen_joins(self) -> ClassFit | None:
@@ -167,7 +177,8 @@ class ClassCalibration:
         are_named = all(path.partners is not None for path in self.breaks.paths)
         if not are_named or not first.model.shape:
             return first
-        by_partner = [replace(model, by_partner=True) for model in self.models if model.shape]
+        held = dict.fromkeys(fit.model.breaks for fit in self.break_fits if isinstance(fit.model, BreakRates))
+        by_partner = [replace(m, by_partner=True) for m in self.models if m.shape and m.breaks in held]
         return simplest([ClassFit.of(self.breaks, first.sharing, model) for model in by_partner])
 
     @property
@@ -213,7 +224,16 @@ class ClassCalibration:
                 (own,) = (fit for fit in fits if fit.title == chosen.title)
                 reason += f"; AIC {others[0].aic - own.aic:+.1f} for {others[0].title}"
             found["joins" if chosen.breaks is None else "breaks"] = reason
+        if self.about_breaks:
+            found["breaks"] += f"; {self.about_breaks}"
         return found
+
+    @property
+    def about_breaks(self) -> str:
+        """What too few breaks leave open; "" if some were seen and several models compared, or one asked for."""
+        seen, compared = int(self.breaks.counts.sum()), {fit.breaks for fit in self.break_fits}
+        is_open = not seen or len(compared) < min(2, len(self.models))
+        return too_few(seen) if self.break_fits and is_open else ""
 
     @property
     def _compared(self) -> list[tuple[tuple[ClassFit, ...], ClassFit]]:
@@ -222,7 +242,10 @@ class ClassCalibration:
         return [(fits, chosen) for fits, chosen in both if chosen is not None]
 
     def fits_table(self) -> list[dict[str, Any]]:
-        """One row a fit that was compared: kind, how constants are shared, break model, parameters, AIC above least."""
+        """One row a fit that was compared: kind, how constants are shared, break model, parameters, AIC above least.
+
+        A kind of event with a single fit has no row: nothing was compared.
+        """
         return [
             {
                 "event": "join" if fit.breaks is None else "break",
@@ -233,6 +256,7 @@ class ClassCalibration:
                 "is_chosen": fit.title == chosen.title,
             }
             for fits, chosen in self._compared
+            if len(fits) > 1
             for fit in fits
         ]
 

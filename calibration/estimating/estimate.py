@@ -19,7 +19,7 @@ from kinetics.runs import JumpPath
 from kinetics.support.arrays import Floats
 from kinetics.support.intervals import exact_limits, jeffreys_posterior
 from kinetics.support.shown import ResultTable, Shown, on_axes
-from kinetics.support.tables import inverse, of_unit
+from kinetics.support.tables import inverse, of_unit, rate_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -112,7 +112,7 @@ class Calibration(Shown):
                 row["channel"],
                 str(row["events"]),
                 f"{row['exposure']:.4g}",
-                row["note"] or f"{row['rate']:.4g} [{row['low']:.3g}, {row['high']:.3g}]",
+                row["note"] or f"{rate_figure(row['rate'], row['high'], '.4g')} [{row['low']:.3g}, {row['high']:.3g}]",
             )
             for row in self.table()
         ]

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from calibration import plots
 from calibration.estimating.exposure import sojourns
@@ -319,6 +320,20 @@ def compare_fits(fits: Sequence[RateFit]) -> list[dict[str, Any]]:
         }
         for fit in fits
     ]
+
+
+def can_hold(events: ArrayLike, shape: int) -> bool:
+    """Whether events (K,) of K constants outnumber what is fitted to them.
+
+    These are the constants of which any event was seen, and `shape` parameters. Where they are as many, every model
+    fits, and an AIC compares nothing.
+
+    >>> from calibration.estimating.rate_fit import can_hold
+    >>> can_hold([0, 0], 0), can_hold([2, 0], 1), can_hold([3, 0], 1)
+    (False, False, True)
+    """
+    seen = np.asarray(events)
+    return bool(seen.sum() > np.count_nonzero(seen) + shape)
 
 
 def simplest(fits: Sequence[Fit]) -> Fit:

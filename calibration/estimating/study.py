@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from calibration.estimating.break_comparison import BreakComparison, rates_with_breaks
+from calibration.estimating.break_comparison import BreakComparison, rates_with_breaks, too_few
 from calibration.estimating.class_calibration import BookRuns, ClassCalibration, calibrate_classes
 from calibration.estimating.class_spread import ClassSpread, class_spreads
 from calibration.estimating.crowding_comparison import CrowdingComparison, crowding_terms
@@ -15,6 +15,7 @@ from calibration.estimating.diagnosing.diagnosis import Diagnosis, diagnose
 from calibration.estimating.estimate import Calibration, estimate
 from calibration.estimating.exposure import Crowd
 from calibration.estimating.hits import RunHits
+from calibration.estimating.joins_and_breaks import BREAKS, joins_and_breaks
 from kinetics.rates import ClassRates, CrowdingTerms, Rates
 from kinetics.rates.crowding import ConvexBodies
 from kinetics.runs import JumpPath
@@ -86,6 +87,27 @@ class CalibrationStudy:
         )
 
     @cached_property
+    def shown_breaks(self) -> BreakComparison | None:
+        """The break models to be shown side by side; None without a single break, of which all say the same."""
+        return self.break_models if self.counts.get(BREAKS) else None
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Runs, and events in all of them: joins and breaks where the network has such channels, then others."""
+        events, groups = self.calibration.total.events, joins_and_breaks(self.calibration.network)
+        wholes = {name: int(events[members].sum()) for name, members in groups.items()}
+        others = int(events.sum()) - sum(wholes.values())
+        return {"runs": len(self.paths), **wholes, **({"other events": others} if others else {})}
+
+    @property
+    def about_breaks(self) -> str:
+        """What too few breaks leave open; "" where models were compared, or none was asked for, or nothing breaks."""
+        if self.breaks is None or BREAKS not in self.counts or self.shown_breaks is not None:
+            return ""
+        model = "first-order" if self.break_models is None else self.break_models.chosen.model.name
+        return f"breaks are taken as {model}; {too_few(self.counts[BREAKS])}"
+
+    @cached_property
     def diagnosis(self) -> Diagnosis:
         """Are the runs those of a well-mixed Markov chain, whose bonds break as the chosen model says?"""
         return diagnose(self.paths, None if self.break_models is None else self.break_models.chosen, self.bonds)
@@ -98,6 +120,7 @@ class CalibrationStudy:
             **self.evidence,
             "doubtful_tests": self.diagnosis.doubtful,
             **({"coarse_looks": looks.sentence} if looks.channels else {}),
+            **({"break_model": self.about_breaks} if self.about_breaks else {}),
             **({} if self.crowding_models is None else {"crowding": self.crowding_models.reason}),
         }
         return rates_with_breaks(self.calibration, self.break_models, evidence, self.crowding_terms)
@@ -110,7 +133,7 @@ class CalibrationStudy:
             "coarse_looks": {"sentence": looks.sentence, "channels": looks.table()} if looks.channels else None,
             "not_seen": self.calibration.not_seen,
             "not_measured": self.rates.not_measured,
-            "breaks": None if self.break_models is None else self.break_models.to_dict(),
+            "breaks": None if self.shown_breaks is None else self.shown_breaks.to_dict(),
             "crowding": None if self.crowding_models is None else self.crowding_models.to_dict(),
             "evidence": self.rates.evidence,
             "diagnostics": self.diagnosis.to_dict(),

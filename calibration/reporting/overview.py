@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from calibration import plots
 from calibration.estimating.break_comparison import shape_in_words
+from calibration.estimating.joins_and_breaks import WHOLES
 from calibration.pipeline.bars import WORDS, Bar, in_one_sentence
-from calibration.reporting.report import Chart, Heading, HtmlReport, Part, ReportTable, Text
+from calibration.reporting.report import Chart, Fold, HtmlReport, Part, ReportTable, Text
 from calibration.reporting.words import in_words
+from calibration.validating.power import LEVEL
+from calibration.validating.predictive import shown_p
 from kinetics.rates import Rates, about_priors
-from kinetics.support.tables import inverse, of_unit
+from kinetics.support.tables import counted, figure, inverse, of_unit, rate_figure
 
 if TYPE_CHECKING:
     from calibration.estimating.break_comparison import BreakComparison
@@ -73,44 +77,80 @@ Draw = Callable[[Any], Any]
 
 
 def calibration_report(study: CalibrationStudy) -> HtmlReport:
-    """The report of the calibration runs."""
-    return HtmlReport(f"Rates of {study.name}", _calibration_parts(study), study.rates.evidence)
+    """The report of the calibration runs: verdict, counts and rates on the first screen, the rest folded."""
+    parts = [*_calibration_first(study), *_calibration_folds(study)]
+    return HtmlReport(f"Rates of {study.name}", parts, study.rates.evidence)
 
 
 def validation_report(study: ValidationStudy, rules: Sequence[Bar] = ()) -> HtmlReport:
     """The report of predictions against held-out runs; `rules` : the bars of a plan, with results."""
-    return HtmlReport("Held-out runs", _rule_parts(rules) + _validation_parts(study), study.rates.evidence)
+    parts = [*_verdict(study, rules), *_rates_held(study), *_rule_folds(rules), *_validation_folds(study, rules)]
+    return HtmlReport("Held-out runs", parts, study.rates.evidence)
 
 
 def full_report(calibrated: CalibrationStudy, validated: ValidationStudy, tank: Draw | None = None) -> HtmlReport:
     """The whole loop; `tank` draws a picture of the mechanics onto axes."""
-    parts: list[Part] = []
+    parts = [*_verdict(validated), *_calibration_first(calibrated)]
     if tank is not None:
-        parts.append(Chart("The tank at the end of a held-out run, structures coloured by size.", tank, name="tank"))
-    parts += [*_calibration_parts(calibrated), *_validation_parts(validated)]
+        drawn = Chart("The tank at the end of a held-out run, structures coloured by size.", tank, name="tank")
+        parts.append(Fold("The tank", [drawn]))
+    parts += [*_calibration_folds(calibrated), *_validation_folds(validated)]
     return HtmlReport(f"{calibrated.name}: from mechanics to prediction", parts, calibrated.rates.evidence)
 
 
-def _calibration_parts(study: CalibrationStudy) -> list[Part]:
+def _calibration_first(study: CalibrationStudy) -> list[Part]:
+    """What the runs say of their model, how many events they had, and the rates."""
     table3 = Rates.load("table3")
     is_papers_line = set(table3.channels) == set(study.calibration.network.channels)
-    about = of_unit("Rate constants", inverse(study.calibration.network.time_unit))
     references = {"paper, Table III": table3} if is_papers_line else None
-    breaks = [] if study.break_models is None else _break_parts(study.break_models)
-    looks, looks_parts = study.diagnosis.looks, list[Part]()
-    if looks.channels:
-        looks_parts = [Text(looks.sentence), ReportTable("Coarse looks.", looks.table(), "looks")]
+    about = of_unit("Rate constants", inverse(study.calibration.network.time_unit))
+    breaks = study.about_breaks or (study.shown_breaks and f"break model: {study.shown_breaks.chosen.model.name}")
+    counts = [counted(n, name.removesuffix("s")) for name, n in study.counts.items()]
+    told = [", ".join(counts), breaks, study.diagnosis.looks.sentence.rstrip(".")]
     return [
-        Heading("Rates"),
-        *looks_parts,
-        Text(f"{study.source}. {study.made} {ABOUT_RATES.strip()} {about_not_seen(study.calibration)}"),
-        ReportTable(f"{about}, per multiplicity and combination.", study.calibration.table(), "rates"),
-        Chart(
-            "Rates per combination of reactants.", partial(study.calibration.plot, references=references), name="forest"
+        Text(f"Calibration: {study.diagnosis.verdict}"),
+        Text("".join(f"{line[0].upper()}{line[1:]}. " for line in told if line)),
+        ReportTable(
+            f"{about}, per multiplicity and combination.",
+            study.calibration.table(),
+            "rates",
+            rate_rows(study.calibration),
         ),
-        *breaks,
-        *([] if study.crowding_models is None else _crowding_parts(study.crowding_models)),
-        *diagnosis_parts(study.diagnosis),
+        Chart(
+            "Rates per combination of reactants.",
+            partial(study.calibration.plot, references=references),
+            name="forest",
+            lines=len(study.calibration.estimates) + 2,
+        ),
+    ]
+
+
+def _calibration_folds(study: CalibrationStudy) -> list[Part]:
+    """How the rates were measured, what breaks a bond, what a crowd does, and the diagnostics."""
+    looks = study.diagnosis.looks
+    about = f"{study.source}. {study.made} {ABOUT_RATES.strip()} {about_not_seen(study.calibration)}"
+    tables = [ReportTable("Coarse looks.", looks.table(), "looks")] if looks.channels else []
+    return [
+        Fold("How the rates were measured", [Text(about), *tables]),
+        *([] if study.shown_breaks is None else [_breaks_fold(study.shown_breaks)]),
+        *([] if study.crowding_models is None else [_crowding_fold(study.crowding_models)]),
+        diagnosis_fold(study.diagnosis),
+    ]
+
+
+def rate_rows(calibration: Calibration) -> list[dict[str, str]]:
+    """Rates for people, one row a channel: `< x`, the upper limit, where nothing was seen."""
+    unit = calibration.network.time_unit
+    return [
+        {
+            "channel": row["channel"],
+            "ways": f"{row['ways']:g}",
+            of_unit("rate", inverse(unit)): rate_figure(row["rate"], row["high"]),
+            "95 % interval": row["note"] or f"{row['low']:.3g} to {row['high']:.3g}",
+            "events": str(row["events"]),
+            of_unit("exposure", unit): f"{row['exposure']:.4g}",
+        }
+        for row in calibration.table()
     ]
 
 
@@ -121,13 +161,12 @@ def about_not_seen(calibration: Calibration) -> str:
     return " ".join(filter(None, (unseen, about_priors(calibration.not_measured))))
 
 
-def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Part]:
-    """The diagnostics of a set of runs: verdicts, all p-values, and for each test its most doubtful figure.
+def diagnosis_fold(diagnosis: Diagnosis, name: str = "diagnostics", runs: str = "runs") -> Fold:
+    """The diagnostics of a set of runs: verdicts, all p-values, and the figures of the tests that failed.
 
-    name : of the tables and charts; two sets of runs in one report need two
+    name, runs : of the tables and charts, and what the runs are called; two sets of runs in one report need two
     """
     parts: list[Part] = [
-        Heading("Do the runs behave like a well-mixed Markov chain?"),
         Text(f"{ABOUT_DIAGNOSTICS} {diagnosis.verdict}"),
         ReportTable(
             "Verdicts, one row for each test, with its measured size and power.",
@@ -135,64 +174,97 @@ def diagnosis_parts(diagnosis: Diagnosis, name: str = "diagnostics") -> list[Par
             f"{name}-verdicts",
         ),
         ReportTable("P-values, one row for each channel.", diagnosis.p_values(), f"{name}-p"),
-        Chart(
-            "All p-values, compared with those of as many tests of a true model.",
-            diagnosis.plot,
-            rows=diagnosis.table(),
-            name=name,
-        ),
     ]
     for test in diagnosis.tests:
-        worst = diagnosis.worst(test.name)
+        worst = next((result for result in diagnosis.failed if result.test == test.name), None)
         if worst is not None:
             caption = f"{test.question} The least likely is {worst.subject}: {worst.seen}; p = {worst.p_value:.2g}."
             parts.append(Chart(caption, worst.plot, name=f"{name}-{test.name}"))
-    return parts
+    everything = ReportTable("One row for each test and channel.", diagnosis.table(), name)
+    return Fold(f"Do the {runs} behave like a well-mixed Markov chain?", [*parts, Fold("All results", [everything])])
 
 
-def _break_parts(compared: BreakComparison) -> list[Part]:
+def _breaks_fold(compared: BreakComparison) -> Fold:
     """Break models side by side; the shape as text, its intervals at 95 %."""
     rows = [row | {"shape": shape_in_words(row["shape"])} for row in compared.table()]
-    return [
-        Heading("What breaks a bond"),
-        Text(f"{ABOUT_BREAKS} The model {compared.chosen.model.name} is chosen: {compared.reason}."),
-        ReportTable("Break models, fitted to the same runs.", rows, "breaks"),
-        *([] if compared.doubles is None else [Text(f"Double breaks: {compared.doubles.sentence}.")]),
-    ]
+    shown = [row | {"freedom": row["freedom"] or None} for row in rows]
+    return Fold(
+        "What breaks a bond",
+        [
+            Text(f"{ABOUT_BREAKS} The model {compared.chosen.model.name} is chosen: {compared.reason}."),
+            ReportTable("Break models, fitted to the same runs.", rows, "breaks", shown),
+            *([] if compared.doubles is None else [Text(f"Double breaks: {compared.doubles.sentence}.")]),
+        ],
+    )
 
 
-def _crowding_parts(compared: CrowdingComparison) -> list[Part]:
+def _crowding_fold(compared: CrowdingComparison) -> Fold:
     """Models of crowding side by side, and the tanks under each."""
     rows = [fit.as_dict() for fit in compared.fits]
     rows = [{key: value for key, value in row.items() if key not in {"tanks", "coincidence"}} for row in rows]
-    return [
-        Heading("What a crowd does to rates"),
-        Text(f"{ABOUT_CROWDING} Chosen: {compared.reason}."),
-        ReportTable("Models of crowding, fitted to logged hits and to joins.", rows, "crowding"),
-        ReportTable("Events in each kind of tank over those expected.", compared.table(), "crowding-tanks"),
-    ]
+    return Fold(
+        "What a crowd does to rates",
+        [
+            Text(f"{ABOUT_CROWDING} Chosen: {compared.reason}."),
+            ReportTable("Models of crowding, fitted to logged hits and to joins.", rows, "crowding"),
+            ReportTable("Events in each kind of tank over those expected.", compared.table(), "crowding-tanks"),
+        ],
+    )
 
 
-def _rule_parts(rules: Sequence[Bar]) -> list[Part]:
-    """The parts of a report on rules stated before the runs; none without a plan."""
+def _rule_folds(rules: Sequence[Bar]) -> list[Part]:
+    """The rules stated before the runs; none without a plan."""
     if not rules:
         return []
+    rows = [bar.to_dict() | {"is_kept": WORDS[bar.is_kept]} for bar in rules]
+    table = ReportTable("The rules and the results.", rows, "rules")
+    return [Fold("The rules of the plan", [Text(ABOUT_RULES), table])]
+
+
+def _verdict(study: ValidationStudy, rules: Sequence[Bar] = ()) -> list[Part]:
+    """The rules of the plan, the verdict, and how many events the runs had."""
+    parts: list[Part] = [Text(in_one_sentence(rules))] if rules else []
+    parts.append(Text(f"{'All together' if rules else 'Verdict'}: {study.verdict.sentence}."))
+    wholes = [row for row in _all_sizes(study) if row.group in WHOLES]
+    counts = [f"{row.seen} {row.group} ({row.expected:.4g} expected)" for row in wholes]
+    runs = sum(comparison.runs for comparison in study.comparisons)
+    return [*parts, Text(f"{', '.join([f'{runs} held-out runs', *counts])}.")]
+
+
+def _all_sizes(study: ValidationStudy) -> Sequence[EventRow]:
+    """Events over all sizes, or of the only one."""
+    return study.pooled or study.comparisons[0].events
+
+
+def _rates_held(study: ValidationStudy) -> list[Part]:
+    """The rates that were tested, beside the events that they promise and those seen."""
+    events, known = {row.group: row for row in _all_sizes(study)}, study.rates.channels
+    unit, rows = of_unit("rate", inverse(study.rates.convention.time_unit)), []
+    for channel in (name for name in known if name in events):
+        rate, row = known[channel], events[channel]
+        low, high = (math.nan if limit is None else limit for limit in (rate.low, rate.high))
+        interval = f"{figure(low, '.3g')} to {figure(high, '.3g')}" if rate.prior is None else "a prior"
+        rows.append(
+            {
+                "channel": channel,
+                unit: rate_figure(rate.rate, high) if rate.prior is None else "-",
+                "95 % interval": interval,
+                "events seen": row.seen,
+                "expected": row.expected,
+                "p": shown_p(row.p, row.least).removeprefix("p = "),
+            }
+        )
+    panel = notable([_all_sizes(study)])
     return [
-        Heading("The rules of the plan"),
-        Text(f"{in_one_sentence(rules)} {ABOUT_RULES}"),
-        ReportTable(
-            "The rules and the results.", [bar.to_dict() | {"is_kept": WORDS[bar.is_kept]} for bar in rules], "rules"
-        ),
+        ReportTable("The rates, and the held-out events of each channel.", rows),
+        Chart("Events seen over expected.", partial(_draw_events, panel), lines=len(panel[0]) + 2),
     ]
 
 
-def _validation_parts(study: ValidationStudy) -> list[Part]:
-    species = study.comparisons[0].network.species
+def _validation_folds(study: ValidationStudy, rules: Sequence[Bar] = ()) -> list[Part]:
+    """Events, single runs, counts over time and diagnostics."""
     panels = notable([comparison.events for comparison in study.comparisons] + ([study.pooled] if study.pooled else []))
-    parts: list[Part] = [
-        Heading("Predicted against simulated"),
-        Text(f"One test of all joins and breaks: {study.verdict.sentence}."),
-        Heading("Events"),
+    events: list[Part] = [
         Text(ABOUT_EVENTS),
         ReportTable("Events of joins, of breaks and of each channel.", _event_table(study), "events"),
         Chart(
@@ -203,20 +275,32 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
             name="events-figure",
             lines=len(panels[0]) + 2,
         ),
-        Heading("Single runs"),
-        Text(ABOUT_SINGLE_RUNS),
-        Chart(
-            "PIT of single runs, one panel for each size.",
-            partial(_draw_single_runs, study.comparisons),
-            panels=len(study.comparisons),
-            name="pit",
-        ),
-        Heading("Counts over time"),
-        Text(ABOUT_VALIDATION),
-        ReportTable(
-            "One column for each size. Times in tu, cost in CPU seconds.", _one_column_each(study.summary()), "summary"
-        ),
     ]
+    return [
+        Fold("Held-out runs: events seen and expected", events),
+        Fold("Held-out runs: each by itself", _single_run_parts(study, rules)),
+        Fold("Predicted against simulated: counts of the held-out runs", _count_parts(study)),
+        diagnosis_fold(study.diagnosis, "held-out-diagnostics", "held-out runs"),
+    ]
+
+
+def _single_run_parts(study: ValidationStudy, rules: Sequence[Bar]) -> list[Part]:
+    """The p-values of PITs; their figure where one of them fails at 1 %, or the plan's rule on them does."""
+    p_values = {each.label: each.single_runs.p_value for each in study.comparisons}
+    told = "; ".join(f"{label}: p = {p:.2g}" for label, p in p_values.items())
+    parts: list[Part] = [Text(f"{ABOUT_SINGLE_RUNS.strip()} {told}; together: p = {study.p_single_runs:.2g}.")]
+    is_missed = any("PIT" in bar.rule and bar.is_kept is False for bar in rules)
+    if min(*p_values.values(), study.p_single_runs) > LEVEL and not is_missed:
+        return parts
+    draw, panels = partial(_draw_single_runs, study.comparisons), len(study.comparisons)
+    return [*parts, Chart("PIT of single runs, one panel for each size.", draw, panels=panels, name="pit")]
+
+
+def _count_parts(study: ValidationStudy) -> list[Part]:
+    """Mean copies and first targets of each size."""
+    species = study.comparisons[0].network.species
+    about = "One column for each size. Times in tu, cost in CPU seconds."
+    parts: list[Part] = [Text(ABOUT_VALIDATION), ReportTable(about, _one_column_each(study.summary()), "summary")]
     for comparison in study.comparisons:
         draw = partial(comparison.plot, species=species)
         name = comparison.label.replace(" ", "-")
@@ -227,7 +311,7 @@ def _validation_parts(study: ValidationStudy) -> list[Part]:
             place = comparison.network.index(first.species)
             drawn = partial(first.plot, place=place)
             parts.append(Chart(f"{comparison.label}: first {first.species}.", drawn, name=f"{name}-first"))
-    return parts + diagnosis_parts(study.diagnosis, "held-out-diagnostics")
+    return parts
 
 
 def _event_table(study: ValidationStudy) -> list[dict[str, Any]]:

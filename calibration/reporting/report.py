@@ -7,7 +7,7 @@ import html
 import io
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -21,15 +21,26 @@ from kinetics.support.plots import words_as_they_are
 from kinetics.support.tables import Rows, csv_text
 
 STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff; max-width: 62rem;
-       margin: 2rem auto; padding: 0 1rem; }
-h1, h2 { line-height: 1.2; } h2 { margin-top: 2.5rem; border-bottom: 1px solid #ddd; }
-figure { margin: 1.5rem 0; } figure > div { overflow-x: auto; } img { max-width: 100%; height: auto; }
-figcaption { color: #444; font-size: 0.9rem; margin: 0.3rem 0; }
-table { border-collapse: collapse; font-size: 0.85rem; font-variant-numeric: tabular-nums; }
-th, td { padding: 0.25rem 0.6rem; border-bottom: 1px solid #e4e4e4; text-align: right; white-space: nowrap; }
-th:first-child, td:first-child { text-align: left; } th { border-bottom: 2px solid #888; }
-td.words { text-align: left; white-space: normal; min-width: 18rem; }
+body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff; max-width: 75rem;
+       margin: 1rem auto; padding: 0 1rem; }
+h1, h2 { line-height: 1.2; margin: 1rem 0 0.5rem; } h2 { font-size: 1.1rem; }
+p { max-width: 62rem; margin: 0.5rem 0; }
+figure { margin: 1rem 0; } img { max-width: 100%; height: auto; }
+figcaption { color: #444; font-size: 0.9rem; margin: 0.3rem 0; width: 0; min-width: min(100%, 62rem); }
+/* on the first screen figures stand side by side where they have room */
+body > figure { display: inline-block; vertical-align: top; margin: 0.5rem 1.5rem 0.5rem 0; max-width: 100%; }
+body > figure > img { width: 30rem; }
+/* a table that is wider than the page scrolls by itself, under a bar that always shows */
+.table { overflow-x: auto; max-width: 100%; }
+.table::-webkit-scrollbar { height: 0.7rem; background: #eee; } .table::-webkit-scrollbar-thumb { background: #888; }
+table { border-collapse: collapse; font-size: 0.85rem; line-height: 1.3; font-variant-numeric: tabular-nums; }
+th, td { padding: 0.12rem 0.6rem; border-bottom: 1px solid #e4e4e4; text-align: right; white-space: nowrap; }
+th { border-bottom: 2px solid #888; vertical-align: bottom; white-space: normal; }
+th:first-child, td:first-child { text-align: left; }
+details { border-top: 1px solid #ddd; padding: 0.5rem 0; } details > details { margin-left: 1rem; }
+summary { cursor: pointer; font-weight: 600; }
+@media print { details::details-content { content-visibility: visible; block-size: auto; } }
+td.words { text-align: left; white-space: normal; min-width: 14rem; }
 table.facts td { text-align: left; white-space: normal; overflow-wrap: anywhere; }
 """
 SENTENCE = 45  # characters; a longer cell of a table is read as words, not compared as a number
@@ -74,6 +85,7 @@ class ReportTable:
     """A table of a report. A named one is also written as CSV if files are requested.
 
     rows : mappings from column to number or text; the columns are those of the first row, with readable names
+    shown : the rows of the page, where people are to read others than the CSV file has
 
     >>> from calibration import ReportTable
     >>> table = ReportTable("Rates", [{"channel": "bind", "rate": 0.0123456}])
@@ -84,10 +96,12 @@ class ReportTable:
     caption: str
     rows: Rows
     name: str = ""
+    shown: Rows = ()
 
     def html(self) -> str:
         """The table as HTML, numbers to four figures."""
-        return f"<figure><figcaption>{html.escape(self.caption)}</figcaption>{_html_table(self.rows)}</figure>"
+        table = _html_table(self.shown or self.rows)
+        return f"<figure><figcaption>{html.escape(self.caption)}</figcaption>{table}</figure>"
 
 
 @dataclass(frozen=True)
@@ -137,7 +151,25 @@ class Chart:
         return buffer.getvalue()
 
 
-Part = Heading | Text | ReportTable | Chart
+@dataclass(frozen=True)
+class Fold:
+    """Parts of a report under a title, closed until a reader opens it; on paper it is open.
+
+    >>> from calibration import Fold, Text
+    >>> Fold("Why", [Text("So.")]).html()
+    '<details><summary>Why</summary>\\n<p>So.</p>\\n</details>'
+    """
+
+    title: str
+    parts: Sequence[Heading | Text | ReportTable | Chart | Fold]
+
+    def html(self) -> str:
+        """The title, and the parts under it, as HTML."""
+        body = "\n".join(part.html() for part in self.parts)
+        return f"<details><summary>{html.escape(self.title)}</summary>\n{body}\n</details>"
+
+
+Part = Heading | Text | ReportTable | Chart | Fold
 
 
 @dataclass(frozen=True)
@@ -150,8 +182,8 @@ class HtmlReport:
 
     >>> from calibration import Heading, HtmlReport, Text
     >>> report = HtmlReport("A study", [Heading("Rates"), Text("None yet.")], provenance={"seed": 1})
-    >>> report.html().count("<h2>")  # of the parts, and of the provenance
-    2
+    >>> report.html().count("<h2>"), report.html().count("<details>")  # of the parts, and of the provenance
+    (1, 1)
     """
 
     title: str
@@ -159,17 +191,23 @@ class HtmlReport:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        names = [part.name for part in self.parts if isinstance(part, ReportTable | Chart) and part.name]
+        names = [part.name for part in self._named]
         for name in names:
             checked_name(name, "part name")
             if names.count(name) > 1:
                 raise ValueError(f"two parts are named {name!r}; their CSV files would overwrite each other")
 
+    @property
+    def _named(self) -> list[ReportTable | Chart]:
+        """The tables and charts that have files of their own, folded or not."""
+        return [part for part in _unfolded(self.parts) if isinstance(part, ReportTable | Chart) and part.name]
+
     def html(self) -> str:
         """The whole page."""
         body = "\n".join(part.html() for part in self.parts)
         facts = [{"what": key, "value": value} for key, value in _flattened(self.provenance)]
-        origin = f"<h2>Provenance</h2>\n{_html_table(facts, 'facts', head=False)}" if facts else ""
+        table = _html_table(facts, "facts", head=False)
+        origin = f"<details><summary>Provenance</summary>\n{table}\n</details>" if facts else ""
         title = html.escape(self.title)
         return (
             '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">\n'
@@ -186,8 +224,7 @@ class HtmlReport:
         """
         page = Path(path)
         contents: dict[Path, bytes | str] = {}
-        named = [part for part in self.parts if isinstance(part, ReportTable | Chart) and part.name] if data else []
-        for part in named:
+        for part in self._named if data else []:
             stem = f"{page.stem}_{part.name}"
             if part.rows:
                 contents[page.with_name(f"{stem}.csv")] = csv_text(part.rows)
@@ -198,6 +235,14 @@ class HtmlReport:
         return list(contents)
 
 
+def _unfolded(parts: Sequence[Part]) -> Iterator[Part]:
+    """All parts, those of folds in their place."""
+    for part in parts:
+        yield part
+        if isinstance(part, Fold):
+            yield from _unfolded(part.parts)
+
+
 def _html_table(rows: Rows, kind: str = "", head: bool = True) -> str:
     if not rows:
         return "<p>No rows.</p>"
@@ -205,7 +250,7 @@ def _html_table(rows: Rows, kind: str = "", head: bool = True) -> str:
     titles = "".join(f"<th>{html.escape(in_words(str(column)))}</th>" for column in columns)
     lines = ["<tr>" + "".join(_cell(_shown(row.get(column))) for column in columns) + "</tr>" for row in rows]
     first = f"<tr>{titles}</tr>\n" if head else ""
-    return f'<div><table class="{kind}">\n{first}' + "\n".join(lines) + "\n</table></div>"
+    return f'<div class="table" tabindex="0"><table class="{kind}">\n{first}' + "\n".join(lines) + "\n</table></div>"
 
 
 def _cell(text: str) -> str:

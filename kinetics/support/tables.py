@@ -29,6 +29,15 @@ def figure(value: float, form: str = ".4g") -> str:
     return "-" if math.isnan(value) else f"{value:{form}}"
 
 
+def rate_figure(rate: float, high: float, form: str = ".3g") -> str:
+    """A measured rate for people: below its upper limit if nothing was seen, a dash if it was not measured.
+
+    >>> rate_figure(0.02, 0.0512), rate_figure(0.0, 0.0184), rate_figure(float("nan"), float("inf"))
+    ('0.02', '< 0.0184', '-')
+    """
+    return f"< {high:{form}}" if rate == 0 and math.isfinite(high) else figure(rate, form)
+
+
 def with_spread(mean: float, spread: float, form: str = ".3g") -> str:
     """A mean and its spread; the mean alone if there is none, as of a single run, or if it is rounding.
 

@@ -131,8 +131,9 @@ def model_table(study: Study) -> str:
     rows = [
         (
             f"`{row['model']}`" + (" (chosen)" if row["is_chosen"] else ""), str(row["free_parameters"]),
-            f"{row['aic_above_least']:.1f}", f"{row['log_score']:.1f}", f"{row['deviance']:.1f} ({row['freedom']})",
-            f"{row['p_deviance']:.2g}" if row["freedom"] > 0 else "-", row["shape"],
+            f"{row['aic_above_least']:.1f}", f"{row['log_score']:.1f}",
+            f"{row['deviance']:.1f} ({row['freedom']})" if row["freedom"] else "-",
+            f"{row['p_deviance']:.2g}" if row["freedom"] else "-", row["shape"],
         )
         for row in pd.read_csv(study.folder / "calibration_breaks.csv").to_dict("records")
     ]  # fmt: skip

@@ -377,7 +377,7 @@ def test_errors(plain_runs):
     with pytest.raises(ValueError, match="no channel of this network is a break"):
         fit_breaks(COLLISION, [JumpPath(joins, [2, 0], [1.0], [0], 2.0)])
     unsized = Network(("A", "B", "C"), ("b",), [[0, 0, 1]], [[1, 1, -1]], [1.0])
-    path = JumpPath(unsized, [0, 0, 5], [1.0], [0], 2.0)
+    path = JumpPath(unsized, [0, 0, 9], np.arange(1.0, 9.0), [0] * 8, 10.0)
     with pytest.raises(ValueError, match="weights by size need one conserved quantity"):
         fit_breaks(COLLISION, [path])
     assert [fit.model.name for fit in BreakComparison.of([path]).fits] == ["first-order", "collision-species"]

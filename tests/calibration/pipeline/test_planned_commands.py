@@ -38,13 +38,32 @@ def test_a_plan_is_carried_out(wellmixed_here, place, calibrated):
     assert len(done["comparisons"]) == 2
 
 
-def test_the_table_of_break_models(wellmixed_here, place, calibrated):
-    breaks = calibrated["breaks"]
+def test_no_break_was_seen(wellmixed_here, place, calibrated):
+    """In so short runs: no break model is chosen, and no table of them is shown."""
+    assert sum(row["events"] for row in calibrated["channels"] if "->1+" in row["channel"]) == 0
+    assert calibrated["breaks"] is None
+    said = wellmixed_here("calibrate", "plan.toml", "--out", "again.toml", cwd=place).out
+    page = (place / "calibration.html").read_text(encoding="utf-8")
+    for where in (said, page, calibrated["evidence"]["break_model"]):
+        assert "no breaks were seen: each rate is an upper limit (95 %)" in where
+        assert "collision" not in where
+    assert Rates.load(place / "rates.toml").breaks.model == "first-order"
+
+
+def test_the_table_of_break_models(wellmixed_here, tmp_path):
+    rows = [f"one,{row}" for row in ("0,start,0,0,6,0", *(f"{t},3->1+2,,,," for t in range(1, 7)), "9,end,,,,")]
+    (tmp_path / "seen.csv").write_text(
+        "\n".join(["run,time,channel,monomer,dimer,trimer,quadmer", *rows]), encoding="utf-8"
+    )
+    given = ["--tank", 2, 2, 3, "--break-model", "auto", "--out", "rates.toml"]
+    command = ["calibrate", "events", "line4", "seen.csv", *given]
+    data = wellmixed_here(*command, "--report", "page.html", "--json", cwd=tmp_path).json
+    breaks = data["breaks"]
     assert [row["model"] for row in breaks["models"]] == MODELS
     assert [row["model"] for row in breaks["models"] if row["is_chosen"]] == [breaks["chosen"]]
-    assert Rates.load(place / "rates.toml").breaks.model == breaks["chosen"]
-    assert breaks["reason"] in (place / "calibration.html").read_text(encoding="utf-8")
-    said = wellmixed_here("calibrate", "plan.toml", "--out", "again.toml", cwd=place).out
+    assert Rates.load(tmp_path / "rates.toml").breaks.model == breaks["chosen"]
+    assert breaks["reason"] in (tmp_path / "page.html").read_text(encoding="utf-8")
+    said = wellmixed_here(*command, cwd=tmp_path).out
     assert f"* {breaks['reason']}." in said
     for model in MODELS:
         assert model in said
@@ -53,7 +72,6 @@ def test_the_table_of_break_models(wellmixed_here, place, calibrated):
 def test_another_break_model_is_asked_for(wellmixed_here, place, calibrated):
     command = ["calibrate", "plan.toml", "--out", "other.toml", "--break-model", "collision", "--json"]
     data = wellmixed_here(*command, cwd=place).json
-    assert [row["model"] for row in data["breaks"]["models"]] == ["collision"]
     assert Rates.load(place / "other.toml").breaks.model == "collision"
     assert data["channels"] == calibrated["channels"]  # events and exposures of the same runs
 
