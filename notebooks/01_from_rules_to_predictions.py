@@ -314,13 +314,14 @@ for ax in axes.flat[len(predicted.comparisons) :]:
 # a p-value stays small):
 
 # %%
-pd.DataFrame([bar.to_dict() for bar in bars(plan.verdict, predicted, control)]).style.set_properties(
+controls = {"first-order breaks": control}
+pd.DataFrame([bar.to_dict() for bar in bars(plan.verdict, predicted, controls)]).style.set_properties(
     **{"text-align": "left", "white-space": "normal"}
 )
 
 # %% [markdown]
-# `validate` also takes all checks together, means, scores and first times among them, and corrects for their number.
-# Its verdict on the stored study:
+# `validate` also judges all joins and breaks together by one test. When the stored study was judged, it took means,
+# scores and first times as well, and corrected for the number of checks:
 
 # %%
 json.loads((results / "validation.json").read_text(encoding="utf-8"))["verdict"]

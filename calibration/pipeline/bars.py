@@ -44,14 +44,14 @@ def in_one_sentence(found: Sequence[Bar]) -> str:
 
     >>> from calibration.pipeline.bars import Bar, in_one_sentence
     >>> in_one_sentence([Bar("p at least 0.01", "p = 0.3", True), Bar("breaks from 0.9 to 1.1", "1.2", False)])
-    'Of the 2 rules of the plan 1 kept; 1 broken (breaks from 0.9 to 1.1: 1.2).'
+    'Rules of the plan: 1 kept; 1 broken (breaks from 0.9 to 1.1: 1.2).'
     """
     parts = []
     for kept, word in WORDS.items():
         those = [bar for bar in found if bar.is_kept is kept]
         named = "" if kept else f" ({'; '.join(f'{bar.rule}: {bar.came}' for bar in those)})"
         parts += [f"{len(those)} {word}{named}"] if those else []
-    return f"Of the {len(found)} rules of the plan {'; '.join(parts)}."
+    return f"Rules of the plan: {'; '.join(parts)}."
 
 
 def bars(

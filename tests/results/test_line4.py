@@ -9,11 +9,8 @@ import pandas as pd
 import pytest
 
 from calibration.estimating.break_comparison import BreakComparison
-from calibration.pipeline.bars import bars
 from calibration.pipeline.calibration_study import run_calibration
-from calibration.pipeline.held_out_study import run_validation
 from calibration.pipeline.study_runs import StudyRuns
-from calibration.validating import events, predictive
 from calibration.validating.groups import event_groups
 from kinetics.rates import Rates
 from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, RESTART
@@ -126,27 +123,3 @@ def test_events_are_those_of_the_held_out_runs():
         key = (*where, row["group"])
         assert row["seen"] == totals[key][0]
         assert row["expected"] == pytest.approx(totals[key][1], rel=1e-9)
-
-
-@pytest.mark.validate
-def test_the_verdict_is_that_of_the_runs(monkeypatch):
-    """Every p-value of the events, and every rule of the plan with its control.
-
-    They were made with two looks: below .05 among 1,999 groups, 49,999 decided. Judged as made.
-    """
-    monkeypatch.setattr(predictive, "ENOUGH", 50)
-    monkeypatch.setattr(events, "looks", lambda first, most: (first, most))
-    assert predictive.clear_p(1999) == pytest.approx(0.05)
-    specs = LINE4.plan.specs(LINE4.plan.held_out)
-    if len(RunStore.found(RUNS).existing(specs)) < len(specs):
-        pytest.skip("held-out runs are missing, or were made with other versions of the engine or of numpy")
-    runs = StudyRuns.planned(LINE4.plan, "held_out")
-    study = run_validation(runs, LINE4.rates, RUNS, progress=False)
-    control = run_validation(runs, Rates.load(STUDY / "control-rates.toml"), RUNS, progress=False)
-    found = LINE4.stored("validation.json")
-    assert [bar.to_dict() for bar in bars(LINE4.plan.verdict, study, control)] == found["rules"]
-    assert (study.is_consistent, study.verdict.sentence) == (found["is_consistent"], found["verdict"])
-    rows = pd.read_csv(STUDY / "events.csv")
-    for name in ("seen", "expected", "low", "high", "p", "p_scatter"):
-        np.testing.assert_allclose(rows[name], [getattr(row, name) for row in study.events])
-    assert found["digest"] == study.outcome.digest

@@ -41,16 +41,14 @@ def test_all_rules_are_kept_and_the_controls_break_them():
     assert "joins 60 cubes 310 / 300 = 1.03" in found[1].sentence
     assert found[0].sentence.startswith("p of every row at least 0.01: kept (least of 4: breaks 60 cubes 33 / 30")
     assert found[-1].rule == "the control, no crowding, breaks one of these"
-    assert in_one_sentence(found) == "Of the 6 rules of the plan 6 kept."
+    assert in_one_sentence(found) == "Rules of the plan: 6 kept."
 
 
 def test_each_rule_can_be_broken():
     found = bars(VerdictRules(), compared(*FAR, pit=0.01), {"first-order breaks": compared(*GOOD)})
     assert judged(found) == [False] * 5
     assert "it keeps all of them" in found[-1].sentence
-    assert in_one_sentence(found).startswith(
-        "Of the 5 rules of the plan 5 broken (p of every row at least 0.01: least "
-    )
+    assert in_one_sentence(found).startswith("Rules of the plan: 5 broken (p of every row at least 0.01: least ")
 
 
 def test_a_control_cannot_break_a_rule_by_its_joins():

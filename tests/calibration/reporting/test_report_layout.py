@@ -94,7 +94,7 @@ def test_verdict_counts_and_rates_come_first(name):
         assert validated().verdict.sentence in first
         joins = next(row for row in validated().pooled if row.group == "joins")
         assert f"12 held-out runs, {joins.seen} joins (" in first
-    assert ("1 of 2 rules of the plan hold. The others: a rule: fails (what came)." in first) == (name == "validate")
+    assert ("Rules of the plan: 1 kept; 1 broken (a rule: what came)." in first) == (name == "validate")
 
 
 @pytest.mark.parametrize("squeezed", [False, True])
@@ -151,7 +151,7 @@ def test_pages_fit_the_screen(name, tmp_path):
         assert table["right"] <= found["page"]
         assert not table["wider"] or table["bar"] > 5  # its scroll bar shows
     verdict, *rest = [part for part in found["seen"] if part["tag"] == "P"]
-    assert re.match("Verdict|Calibration", verdict["text"])
+    assert re.match("Rules of the plan|Verdict|Calibration", verdict["text"])
     rates = next(part for part in found["seen"] if part["tag"] == "FIGURE")
     assert "1+1->2" in rates["text"]
     for part in (verdict, *rest, rates):
