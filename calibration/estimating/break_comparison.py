@@ -252,7 +252,7 @@ def _score_of_fold(fit: RateFit, fold: int) -> float:
 
 
 def too_few(breaks: int) -> str:
-    """Why no break model was chosen, in words: no break was seen, or not enough of them."""
+    """Why no break model was chosen, in words: there were no breaks, or too few."""
     if not breaks:
         return "no breaks were seen: each rate is an upper limit (95 %)"
     return f"{counted(breaks, 'break')} {'was' if breaks == 1 else 'were'} seen, too few to compare break models"

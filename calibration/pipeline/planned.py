@@ -104,7 +104,7 @@ class PlannedStudy:
     purpose : the plan's, with a place for its width
     wanted_seconds : CPU time of calibration runs that reach the width asked for
     tests : of the held-out runs; held_out_runs, held_out_costs : by number of cubes, CPU seconds of a run
-    gains : engines by which the runs would be quicker, and how many times, by a trial in the dearest tank
+    gains : faster engine -> speed-up, measured by a trial in the most expensive tank
     """
 
     request: PlanRequest

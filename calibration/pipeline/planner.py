@@ -116,7 +116,7 @@ def planned_study(
                 "--cubes or --held-out"
             )
     tests = tests_of(runs @ events, sized)
-    dearest = tanks[int((runs * costs).argmax())].composition
+    most_expensive = tanks[int((runs * costs).argmax())].composition
     return PlannedStudy(
         request=request,
         happening=tuple(happening),
@@ -131,7 +131,7 @@ def planned_study(
         held_out_runs=chosen_runs(tests, sized, budget - float(runs @ costs)),
         held_out_costs=sized,
         verdict=verdict,
-        gains=gains_of_engines(RunSpec(scene, dearest, request.duration, request.seed, 0), cost),
+        gains=gains_of_engines(RunSpec(scene, most_expensive, request.duration, request.seed, 0), cost),
     )
 
 

@@ -29,7 +29,7 @@ def crowded_line(tank: Tank = NARROW, rate: float = 0.02) -> Network:
 
 
 def hits_alone(net: Network) -> Network:
-    """The same with factors on breaks alone, as mechanics has them."""
+    """The same network, but only breaks have factors, as calibrations of the mechanics find."""
     assert net.crowding is not None
     table = net.crowding.coefficients.copy()
     table[net.stoichiometry.sum(axis=1) < 0] = np.eye(1, table.shape[1])

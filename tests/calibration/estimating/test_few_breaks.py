@@ -70,7 +70,7 @@ def test_parameters_are_those_of_constants_that_were_seen():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_said_and_written(kind, tmp_path):
-    """The same in text, HTML, CSV, JSON and in the rates file: no table of models where none was chosen."""
+    """Text, HTML, CSV, JSON and the rates file agree: without a chosen model there is no table of models."""
     channels, models = KINDS[kind]
     study = study_of(channels)
     page = tmp_path / "report.html"

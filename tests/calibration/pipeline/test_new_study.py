@@ -148,7 +148,7 @@ def test_a_low_yield_is_warned_of(tmp_path, study):
 
 
 def test_an_engine_is_offered_and_taken(tmp_path, study, monkeypatch):
-    """The same runs by our own engine; nothing is offered where the engine was chosen, or is no quicker."""
+    """Our own engine is offered for the same runs, unless it was chosen already or is no faster."""
 
     class Costs:
         own = 0.25

@@ -71,7 +71,7 @@ def test_they_are_near_the_exact_ones(name):
     found = yields_of(derive(book))
     assert found.holding == pytest.approx(exact(book, 0.0), abs=0.06)
     assert found.breaking == pytest.approx(exact(book, BREAK), abs=0.06)
-    assert abs(found.holding - exact(book, 10 * BREAK)) > 0.12, "the control: other rates are told apart"
+    assert abs(found.holding - exact(book, 10 * BREAK)) > 0.12, "the control: other rates give another yield"
 
 
 def test_two_cubes_have_a_closed_form(monkeypatch):
