@@ -84,7 +84,8 @@ class GeneralWork(NamedTuple):
     is_true (E,) bool, held (A,) : conditions; new counts that are about to be set
     moments (Q,), owners (Q,) int64, planned (Q, W) : the calendar: when which events are due, and their new counts
     window (3,) : its end, the length of the next one, sum of the bounds in it
-    notes (3,) int64 : whether the run has begun; what an outcome speaks of; entries of the calendar
+    notes (3,) int64 : 0 before the run begins, 2 if events may have set counts since its stop condition was read, else
+        1; what an outcome speaks of; entries of the calendar
     """
 
     results: np.ndarray
@@ -200,11 +201,13 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
     is_over, chosen = False, 0
     outcome = REACHED_END  # here: nothing went wrong so far
     if work.notes[0] == 0:
-        work.notes[0] = 1
+        work.notes[0] = 2
         outcome = settle(model, work, counts, t)
-        if outcome == REACHED_END and holds(stop, table, counts):
-            outcome = STOPPED
     for draw in range(waits.size):
+        if work.notes[0] == 2:  # events may have set counts
+            work.notes[0] = 1
+            if outcome == REACHED_END and holds(stop, table, counts):
+                outcome = STOPPED
         if outcome != REACHED_END:
             break
         # A candidate at the rate of the bound: of the window for timed laws, else the total itself.
@@ -229,8 +232,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
         if not is_candidate:
             is_turn = first_due(work, t) >= 0 or (model.clocked.size > 0 and has_turned(model, work, counts, t))
             outcome = settle(model, work, counts, t) if is_turn else open_window(model, work, counts, t)
-            if is_turn and outcome == REACHED_END and holds(stop, table, counts):
-                outcome = STOPPED
+            if is_turn:
+                work.notes[0] = 2
             continue
 
         # Thinning (Lewis & Shedler 1979): the candidate is an event with probability total / bound.
@@ -290,8 +293,8 @@ def advance(model, work, counts, seen, clock, waits, uniforms, grid, out, times,
             outcome = settle(model, work, counts, t)
         elif model.is_reopening[chosen]:
             outcome = open_window(model, work, counts, t)
-        if model.is_waking[chosen] and outcome == REACHED_END and holds(stop, table, counts):
-            outcome = STOPPED  # after the events that this firing has set off
+        if model.is_waking[chosen]:
+            work.notes[0] = 2  # after the events that this firing has set off
     if is_over:  # the event has not been
         for k in range(model.change_starts[chosen], model.change_starts[chosen + 1]):
             counts[model.changed[k]] -= model.copies[k]

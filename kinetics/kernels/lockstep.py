@@ -126,7 +126,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
     words, run, seen, needed, chosen = work.words, work.run, work.seen, work.needed, work.chosen
     active, steps = work.notes[ACTIVE], work.notes[STEPS]
     last = steps + most
-    affects_stop, table = stop.affects_stop, stop.table
+    affects_stop, table, may_stop = stop.affects_stop, stop.table, np.any(stop.affects_stop)
     if work.notes[RUNS] == 0:
         active = min(LANES, runs)
         for lane in range(active):
@@ -252,7 +252,7 @@ def lockstep(model, changes, work, initial, grid, key, first_run, limits, out, i
                 for k in range(starts[chosen[lane]], starts[chosen[lane] + 1]):
                     counts[species_of[k], lane] += change[species_of[k], chosen[lane]]
 
-        for lane in range(lanes):
+        for lane in range(lanes if may_stop else 0):
             if run[lane] < 0 or not affects_stop[chosen[lane]] or not holds(stop, table, counts[:, lane]):
                 continue
             reached[run[lane]] = t[lane]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kinetics import kernels
 from kinetics.kernels import outcomes
+from kinetics.kernels.ensemble_work import Stop
 from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints
 
@@ -33,16 +34,17 @@ class BufferedSampler:
         self, initial: Ints, grid: Floats, key: NDArray[np.uint64], first_run: int, out: Ints, watch: Watch
     ) -> None:
         """Fill `out` (runs, T, S) as far as the watch needs it."""
-        draws = [np.empty(FEWEST_DRAWS), np.empty(FEWEST_DRAWS)]
+        stop, draws = watch.stop_of(self.order), [np.empty(FEWEST_DRAWS), np.empty(FEWEST_DRAWS)]
         for i in range(len(out)):
-            self._run(initial, grid, key, first_run + i, out[i], watch, draws, None)
+            self._run(initial, grid, key, first_run + i, out[i], watch, stop, draws, None)
             watch.complete[first_run] = i + 1
             watch.hear()
 
     def path(self, initial: Ints, end: float, key: NDArray[np.uint64], run: int, watch: Watch) -> tuple[Floats, Ints]:
         """Times and channels of all events until `end`."""
         out, pieces = np.empty((1, initial.size), dtype=np.int64), list[tuple[Floats, Ints]]()
-        self._run(initial, np.array([end]), key, run, out, watch, [np.empty(0), np.empty(0)], pieces)
+        stop, draws = watch.stop_of(self.order), [np.empty(0), np.empty(0)]
+        self._run(initial, np.array([end]), key, run, out, watch, stop, draws, pieces)
         times, channels = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
         return times, self.order[channels]
 
@@ -54,6 +56,7 @@ class BufferedSampler:
         run: int,
         out: Ints,
         watch: Watch,
+        stop: Stop,
         draws: list[Floats],
         pieces: list[tuple[Floats, Ints]] | None,
     ) -> None:
@@ -63,7 +66,6 @@ class BufferedSampler:
         counts, clock, seen = np.ones(initial.size + 1, dtype=np.int64), np.zeros(3), np.zeros(2, dtype=np.int64)
         counts[:-1] = initial
         workspace = self.begin(counts)
-        stop, reached = watch.stop_of(run, 1, self.order)
         n_draws, drawn, look = FEWEST_DRAWS, 0, watch.first_look
         times, channels = NO_TIMES, NO_CHANNELS
         while seen[0] < (needed := watch.needed(run)):
@@ -83,8 +85,8 @@ class BufferedSampler:
             drawn += n
             if outcome == outcomes.REACHED_END:
                 break
-            if outcome == outcomes.STOPPED and reached is not None:
-                reached[0], out[seen[0] :] = clock[0], counts[:-1]
+            if outcome == outcomes.STOPPED:
+                watch.reached_of(run, 1)[0], out[seen[0] :] = clock[0], counts[:-1]
                 break
             if outcome != outcomes.UNFINISHED:
                 watch.stop(run, outcome, float(clock[0]), counts[:-1], drawn)

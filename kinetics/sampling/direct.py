@@ -118,7 +118,7 @@ class RecomputingSampler:
     ) -> None:
         """Fill `out` (runs, T, S) as far as the watch needs it."""
         work = ensemble_work(initial.size)
-        stopping = watch.stop_of(first_run, len(out), self.merging.representatives)
+        stopping = watch.stop_of(self.merging.representatives), watch.reached_of(first_run, len(out))
         go_on = twins.direct(self.model_from(initial), self.changes, work, initial, grid, key, first_run, out, stopping)
         in_turn(watch, first_run, work.notes, work.clock, work.counts[:-1], go_on)
 
@@ -130,7 +130,7 @@ class RecomputingSampler:
         counts, state, clock = np.append(initial, 1), np.append(initial, 1), np.zeros(3)
         model, n_channels = self.model_from(initial), len(self.changes)
         named = self.merging.named(self.constants, self.merging.thinning(initial))
-        stop, reached = watch.stop_of(run, 1, self.merging.representatives)
+        stop, reached = watch.stop_of(self.merging.representatives), watch.reached_of(run, 1)
         pieces = []
         made, look = 0, watch.first_look
         while True:

@@ -113,7 +113,8 @@ class LockstepSampler:
             return
         model = self.model_from(initial)
         lanes, is_odd = Lanes(model, self.changes), np.zeros(len(out), dtype=bool)
-        here, stopping = lanes.arrays, watch.stop_of(first_run, len(out), self.merging.representatives)
+        here = lanes.arrays
+        stopping = watch.stop_of(self.merging.representatives), watch.reached_of(first_run, len(out))
         go_on = twins.lockstep(model, self.changes, lanes, initial, grid, key, first_run, out, is_odd, stopping)
         n_active, first_look = 1, watch.first_look
         while n_active:

@@ -110,13 +110,13 @@ class Watch:
         followed = max(self.first_run + FIRST_RUNS, followed)
         return np.array([min(few + 1, self.grid.size), few, followed - first_run, self.first_look])
 
-    def stop_of(self, first_run: int, runs: int, channels: Ints) -> tuple[Stop, Floats]:
-        """The stop condition as a kernel with channels (G,) reads it.
+    def stop_of(self, channels: Ints) -> Stop:
+        """The stop condition as a kernel with channels (G,) reads it."""
+        return never(len(channels)) if self.until is None else self.until.of_channels(channels)
 
-        Returns the condition and a view (runs,) into `reached`.
-        """
-        stop = never(len(channels)) if self.until is None else self.until.of_channels(channels)
-        return stop, self.reached[first_run - self.first_run :][:runs]
+    def reached_of(self, first_run: int, runs: int) -> Floats:
+        """The part (runs,) of `reached` that belongs to these runs, to be written to."""
+        return self.reached[first_run - self.first_run :][:runs]
 
     def pause(self, began: float) -> None:
         """Between calls of a kernel, `hear` Ctrl-C and set how many events the next call makes.
