@@ -1,0 +1,270 @@
+"""The exact likelihood of counts seen at some times, with proven bounds, and its gradient by all parameters.
+
+With a the probabilities of the states after one look, the next look has the probability a E D 1: E is the transition
+matrix of the time between them, by uniformisation, and D has the probability of what is seen in each state on its
+diagonal. a E D, scaled to sum to 1, are the probabilities after it: the forward filter of a hidden Markov chain (Baum
+et al. 1970, doi:10.1214/aoms/1177697196). All numbers are positive, so that relative errors add up.
+
+The derivative of a E D b, with b what all later looks have as their probability from each state, is that of one mean
+at a time, whose adjoint gives it by all rates at once: see `markov.derivatives`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import expm1, log
+from typing import NamedTuple
+
+import numpy as np
+
+from kinetics.markov.derivatives import ChannelEntries, gradient_at
+from kinetics.markov.panels.data import PanelData, PanelRun
+from kinetics.markov.panels.few_states import FewPass, FewStates
+from kinetics.markov.panels.panel_step import PanelStep, carried, chances_of
+from kinetics.markov.panels.slopes import Slopes
+from kinetics.markov.passage.backward import LOST, expected_from_all
+from kinetics.markov.transient.poisson import ROUNDOFF
+from kinetics.markov.transient.search import MAX_STATES
+from kinetics.markov.transient.transitions import totals
+from kinetics.network import Model, Network
+from kinetics.network.network import check_homogeneous
+from kinetics.support.answer import Answer, kind_of
+from kinetics.support.arrays import Floats
+
+METHOD = "forward filter by uniformisation"
+
+
+class Scored(NamedTuple):
+    """A log-likelihood and its derivatives (P,) by the logarithm of each parameter."""
+
+    answer: Answer
+    gradient: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class PanelLikelihood:
+    """The log-likelihood of panel data, at any values of the parameters of a model.
+
+    model : its network; counts at time 0 come with the data
+    data : runs, columns and how they were observed
+    max_states : the most states between two looks; more are refused
+
+    Which states matter is found once; each value takes one pass over them.
+
+    ValueError: the rates depend on the time, or a look cannot be reached
+
+    >>> from kinetics import Model, Network
+    >>> from kinetics.markov.panels import PanelData, PanelLikelihood, PanelRun
+    >>> decay = Model.of(Network.from_text("A -> B, k", k=0.5))
+    >>> asked = PanelLikelihood(decay, PanelData({"A": {"A": 1}}, [PanelRun([10, 0], [1.0], [[4]])]))
+    >>> found = asked.scored({"k": 0.5}, ["k"])  # binomial: 4 of 10 survive with probability exp(-k)
+    >>> round(found.answer.value, 6), found.gradient.round(6).tolist()
+    (-2.249405, [2.624482])
+    """
+
+    model: Model
+    data: PanelData
+    max_states: int = MAX_STATES
+    _known: dict[tuple[float, ...], _Structure] = field(default_factory=dict, repr=False)
+
+    def value(self, point: Mapping[str, float] | None = None) -> Answer:
+        """The log-likelihood at values of some parameters; None: as the model has them."""
+        return self.scored(point, ()).answer
+
+    def scored(self, point: Mapping[str, float] | None, names: Sequence[str]) -> Scored:
+        """The log-likelihood and its derivatives by the logarithms of the parameters `names`.
+
+        Parameters are those of the network, its channels (for their rate constants), and columns (for the parameter
+        of their observation).
+        """
+        began = time.process_time()
+        network, data = self._at(point or {})
+        total, error, gradient, certified = 0.0, 0.0, np.zeros(len(names)), True
+        slopes = self._slopes(network, point or {}, names)
+        passes = self._passes(network, data, len(names))
+        for passed in passes:
+            total += passed.log_likelihood
+            error += passed.error
+            certified &= passed.is_certified
+            if names:
+                gradient += passed.gradient(slopes)
+        error = 1.01 * expm1(error) + 4.0 * ROUNDOFF * (data.looks + 1) * (1.0 + abs(total))
+        why = f"{data.looks} looks at {len(data.runs)} runs"
+        answer = Answer(
+            total, total - error, total + error, kind_of(certified), METHOD, time.process_time() - began, why
+        )
+        return Scored(answer, gradient)
+
+    def _at(self, point: Mapping[str, float]) -> tuple[Network, PanelData]:
+        """Network and data at these values."""
+        seen = {name: value for name, value in point.items() if self._is_observed(name)}
+        rest = {name: value for name, value in point.items() if name not in seen}
+        model = self.model.at(rest) if rest else self.model
+        return model.network, self.data.with_observed(**seen) if seen else self.data
+
+    def _is_observed(self, name: str) -> bool:
+        """Whether a parameter is that of the observation of a column."""
+        return name in self.data.columns and self.data.observations[name].parameter is not None
+
+    def _slopes(self, network: Network, point: Mapping[str, float], names: Sequence[str]) -> Slopes:
+        columns = list(self.data.columns)
+        observed = {p: columns.index(name) for p, name in enumerate(names) if self._is_observed(name)}
+        known = {**self.model.network.parameters, **point}
+        return Slopes(
+            network, names, observed, known.__getitem__, lambda name, value: self._at({**point, name: value})[0]
+        )
+
+    def _passes(self, network: Network, data: PanelData, parameters: int) -> Iterator[_Pass | FewPass]:
+        """One pass over all runs where states are few, else one a run."""
+        structure = self._structure(network)
+        if structure.few is not None:
+            passed = FewPass(structure.few, network, data)
+            if passed.fits(parameters):
+                yield passed
+                return
+        for r, run in enumerate(data.runs):
+            yield _Pass(structure.steps_of(data, r, run), network, data, run)
+
+    def _structure(self, network: Network) -> _Structure:
+        """What does not depend on the rates but for which of them are 0; of rate laws, on no change of a parameter."""
+        rates = network.known_rates
+        key = tuple(network.parameters.values()) if network.laws else tuple((rates > 0).astype(float).tolist())
+        if key not in self._known:
+            self._known.clear()
+            self._known[key] = _Structure(network, self.data, self.max_states)
+        return self._known[key]
+
+
+class _Structure:
+    """The states between looks, found when first asked for."""
+
+    def __init__(self, network: Network, data: PanelData, max_states: int) -> None:
+        check_homogeneous(network)
+        self._network, self._data, self._max_states = network, data, max_states
+        self._steps: dict[int, list[PanelStep]] = {}
+
+    @cached_property
+    def few(self) -> FewStates | None:
+        """All states, where they are few."""
+        return FewStates.of(self._network, self._data)
+
+    def steps_of(self, data: PanelData, r: int, run: PanelRun) -> list[PanelStep]:
+        """The steps of a run, one a look."""
+        if r not in self._steps:
+            states, found = run.initial[None, :], []
+            for look in range(run.times.size):
+                found.append(PanelStep.of(self._network, data, run, look, states, self._max_states))
+                states = found[-1].seen_states
+            self._steps[r] = found
+        return self._steps[r]
+
+
+class _Pass:
+    """The filter over one run, forwards."""
+
+    def __init__(self, steps: Sequence[PanelStep], network: Network, data: PanelData, run: PanelRun) -> None:
+        self._steps, self._network, self._data, self._run = steps, network, data, run
+        self._weights = data.weights(network)
+        self._lengths = np.diff(run.times, prepend=run.start)
+        self._filtered = [np.ones(1)]
+        self._chains = [step.chain(network) for step in steps]
+        self._before: list[Floats] = []
+        self.log_likelihood, self.error = 0.0, 0.0
+        self.is_certified = all(chain.is_certified for chain in self._chains) and all(
+            each.is_certified for each in data.observations.values()
+        )
+        for step, chain, length in zip(steps, self._chains, self._lengths, strict=True):
+            there, relative = carried(chain, step.start(self._filtered[-1]), float(length))
+            before = there[step.ends]
+            after = self._forwards(step, before) * self._chances(step, len(self._before))
+            probability = float(after.sum())
+            if not probability > 0.0:
+                raise ValueError(
+                    f"{run.named(len(self._before))}: this has a probability below 1e-300 at these rates; begin with "
+                    f"other values"
+                )
+            self._before.append(before)
+            self._filtered.append(after / probability)
+            self.log_likelihood += log(probability)
+            rounded = ROUNDOFF * (after.size + chain.roundings + len(self._weights) + 8.0)
+            self.error += relative + rounded + LOST * (1 + there.size) / probability
+
+    def _chances(self, step: PanelStep, look: int) -> Floats:
+        """Of what was seen, in the states after a look, as it is observed now."""
+        return chances_of(self._data, self._run, look, step.seen_states @ self._weights.T)
+
+    def _forwards(self, step: PanelStep, before: Floats) -> Floats:
+        """Probabilities of the states after a look, from those just before the event that comes with it."""
+        if step.jumps is None:
+            return before
+        flow = before[step.jumps.before] * step.jump_rates(self._network)
+        return totals(step.jumps.after, flow, len(step.seen_states))
+
+    def _backwards(self, step: PanelStep, after: Floats) -> Floats:
+        """Values of the states just before the event of a look, from those after it."""
+        if step.jumps is None:
+            return after
+        flow = after[step.jumps.after] * step.jump_rates(self._network)
+        return totals(step.jumps.before, flow, len(step.ends))
+
+    def gradient(self, slopes: Slopes) -> Floats:
+        """Derivatives (P,) of the log-likelihood by the logarithms of the parameters."""
+        found = np.zeros(slopes.size)
+        later = np.ones(len(self._steps[-1].seen_states)) if self._steps else np.ones(1)
+        for look in reversed(range(len(self._steps))):
+            step, chain, start = self._steps[look], self._chains[look], self._filtered[look]
+            chances = self._chances(step, look)
+            seen = chances * later
+            values = np.zeros(len(step.states) + 1)
+            values[step.ends] = self._backwards(step, seen)
+            scale = float(values.max())
+            values /= scale
+            length = float(self._lengths[look])
+            if length > 0.0 and chain.rates.any():
+                entries = ChannelEntries(chain._replace(channels=np.arange(chain.rates.size)), chain.rates.size)
+                (mean,) = gradient_at(entries, step.start(start), values[None, :], length)
+                probability = mean.answer.value
+                found += slopes.of_rates(step.states, step.rows, step.channels) @ mean.value / probability
+                before, _ = expected_from_all(chain, values, length)
+            else:
+                before = values
+                probability = float(step.start(start) @ values)
+            if step.jumps is not None:
+                there = self._before[look][step.jumps.before] * step.jump_rates(self._network)
+                there *= seen[step.jumps.after] / scale
+                rows = step.ends[step.jumps.before]
+                found += slopes.of_rates(step.states, rows, step.jumps.channels) @ there / probability
+            for p, column in slopes.columns.items():
+                found[p] += float(self.observed(step, look, column) @ later) / (scale * probability)
+            later = before[step.begins] / probability
+        return found
+
+    def observed(self, step: PanelStep, look: int, column: int) -> Floats:
+        """How the probability (F,) of all states after a look changes with the parameter of a column, times that of
+        being there."""
+        there = self._forwards(step, self._before[look])
+        observation = list(self._data.observations.values())[column]
+        seen = float(self._run.seen[look, column])
+        if np.isnan(seen) or observation.parameter is None:
+            return np.zeros(there.size)
+        counted = step.seen_states @ self._weights.T
+        others = np.ones(there.size)
+        for c, each in enumerate(self._data.observations.values()):
+            if c != column and not np.isnan(self._run.seen[look, c]):
+                others *= each.weights(counted[:, c], float(self._run.seen[look, c]))
+        return there * others * observation.slopes(counted[:, column], seen) * observation.parameter
+
+
+def log_likelihood(model: Model | Network, data: PanelData) -> Answer:
+    """The logarithm of the probability of panel data, with proven bounds; see `PanelLikelihood`.
+
+    >>> from kinetics import Network
+    >>> from kinetics.markov.panels import PanelData, PanelRun, log_likelihood
+    >>> decay = Network.from_text("A -> B, 1")
+    >>> log_likelihood(decay, PanelData({"A": {"A": 1}}, [PanelRun([1, 0], [2.0], [[1]])])).value
+    -2.0
+    """
+    return PanelLikelihood(Model.of(model), data).value()

@@ -1,0 +1,43 @@
+"""What stands between a true count and the number that was written down."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+from kinetics.support.arrays import Floats
+
+
+class Observation(ABC):
+    """How a true count becomes the number in a table. To add one: a file with a subclass, and a line in OBSERVATIONS.
+
+    name : in tables, commands and files
+    is_certified : whether `weights` have no error
+    """
+
+    name: ClassVar[str]
+    is_certified: ClassVar[bool] = False
+
+    @property
+    def parameter(self) -> float | None:
+        """The number that a fit may leave free; None if there is none."""
+        return None
+
+    def with_parameter(self, value: float) -> Observation:  # noqa: ARG002
+        """The same kind of observation with another value of its parameter."""
+        raise ValueError(f"an observation that is {self.name} has no parameter")
+
+    @abstractmethod
+    def support(self, seen: float) -> tuple[float, float]:
+        """The least and the largest true count at which this number may be seen.
+
+        ValueError: it cannot be seen at any
+        """
+
+    @abstractmethod
+    def weights(self, counts: Floats, seen: float) -> Floats:
+        """Probability (N,), or density, that this number is seen at true counts (N,)."""
+
+    def slopes(self, counts: Floats, seen: float) -> Floats:  # noqa: ARG002
+        """Derivatives (N,) of `weights` by the parameter."""
+        raise ValueError(f"an observation that is {self.name} has no parameter")
