@@ -60,11 +60,11 @@ COMMANDS = [
     ("scan", "pair.rxn", "--over", "k1=0,1", "--ask", "E[AB] @ 1", "--ask", "P=? [ F<=1 AB>=30 ]", "--csv", "out.csv"),
     (*GROWN, "--runs", 1, "--csv", "out.csv", "--plot", "out.svg"),
     (*RANKED, "--csv", "out.csv"),
-    ("calibrate", "events", "pair.rxn", "one.csv", *WATCHED, "--report", "out.html"),
-    ("calibrate", "events", "pair.rxn", "none.csv", *WATCHED, "--report", "out.html"),
-    ("calibrate", "events", "line4", "line.csv", *WATCHED, "--report", "out.html"),  # most is not measured
-    ("calibrate", "events", "pair.rxn", "none.csv", *WATCHED),
-    ("calibrate", "events", "die.rxn", "looks.csv", "--run-table", "looks_runs.csv", *WATCHED[:2]),
+    ("calibrate", "pair.rxn", "--events", "one.csv", *WATCHED, "--report", "out.html"),
+    ("calibrate", "pair.rxn", "--events", "none.csv", *WATCHED, "--report", "out.html"),
+    ("calibrate", "line4", "--events", "line.csv", *WATCHED, "--report", "out.html"),  # most is not measured
+    ("calibrate", "pair.rxn", "--events", "none.csv", *WATCHED),
+    ("calibrate", "die.rxn", "--events", "looks.csv", "--run-table", "looks_runs.csv", *WATCHED[:2]),
 ]
 
 

@@ -146,7 +146,7 @@ REFUSALS = [
     ("study", "first-times", "nothing"),
     ("study", "rates", "nothing"),
     ("study", "plan", "line4", "--out", "plan.txt"),
-    ("calibrate", "events", "line4", "none.csv", "--out", "rates.toml"),
+    ("calibrate", "line4", "--events", __file__, "--out", "rates.toml"),
     ("validate", "line4", "--rates", "nothing"),
     ("simulate", "line4"),
 ]

@@ -1,12 +1,15 @@
-"""The command `wellmixed calibrate`: rates by channel or by class, from mechanics runs or from what others observed."""
+"""The command `wellmixed calibrate`: rates by channel or by class, from mechanics runs or from data of others."""
 
 from __future__ import annotations
 
+from dataclasses import fields
+from math import isnan
 from typing import Any
 
 import click
 
 from calibration.commands.shared import (
+    Decorator,
     given_options,
     leave,
     out_option,
@@ -17,13 +20,17 @@ from calibration.commands.shared import (
     time_option,
 )
 from calibration.commands.tables import breaks_table, class_rates_table, rates_table
+from calibration.estimating.panel_fit import fit_panel
 from calibration.estimating.study import CalibrationStudy, ClassStudy
+from calibration.observed.counts import read_counts, read_snapshots
+from calibration.observed.panel_study import PanelStudy
 from calibration.observed.study import observed_study
 from calibration.pipeline.calibration_study import check_measurable, run_calibration, run_class_calibration
 from calibration.pipeline.study_runs import StudyRuns
 from calibration.reporting.overview import calibration_report
 from kinetics.commands.models import is_network_file, network_of_book
 from kinetics.formats import read
+from kinetics.markov.panels.observations import OBSERVATIONS, Observation
 from kinetics.network import Tank
 from kinetics.rates.breaks import break_model
 from kinetics.rates.crowding import crowding_model
@@ -31,10 +38,12 @@ from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import HEADING, NumbersCommand, echo_json, heading, json_option
 from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, or_study_folder
+from kinetics.support.families import member_named
 from mechsim.commands.options import run_options
 from mechsim.runs.record import book_of
 
-MODES = ("channels", "classes", "events")
+MODES = ("channels", "classes")
+DATA = ("events", "counts", "snapshots")
 # Options that mean something in some modes only
 MODES_OF = {
     "group_by": ("classes",),
@@ -42,28 +51,44 @@ MODES_OF = {
     "tank": ("events",),
     "report": ("channels", "events"),
     "crowding": ("channels",),
+    "fixed": ("counts", "snapshots"),
+    "free": ("counts", "snapshots"),
+    "observed": ("counts", "snapshots"),
+    "starts": ("counts", "snapshots"),
 }
 # Options that mean something where no runs are made
-OF_EVENTS = {"words", "out", "cubes", "report", "as_json", "run_table", "tank", "breaks"}
+OF_DATA = {"words", "out", "as_json", *DATA}
+OF_EVENTS = OF_DATA | {"cubes", "report", "run_table", "tank", "breaks"}
+OF_COUNTS = OF_DATA | {"fixed", "free", "observed", "seed", "starts"}
 FILES = or_study_folder(PLAN, {"runs_folder": RUNS, "out": RATES, "report": "calibration.html"})
 
 
 def _words(ctx: click.Context, param: click.Parameter, words: tuple[str, ...]) -> tuple[str, ...]:
     """The mode, "" where none is named, and what it is to read; a folder stands for its plan."""
-    mode, *sources = words if words[0] in MODES else ("", *words)
-    if sources and mode != "events":
+    kinds = [kind for kind in DATA if ctx.params.get(kind)]  # these options are eager, too, and come before
+    if len(kinds) > 1:
+        raise click.UsageError(f"--{kinds[0]} and --{kinds[1]}: one kind of data at a time", ctx)
+    mode, *sources = (*kinds, *words) if kinds or words[0] in MODES else ("", *words)
+    if sources and not kinds:
         sources[0] = FILES["callback"](ctx, param, sources[0])
-    wanted = {"events": "NETWORK TABLE", "classes": "SCENE|PLAN|FOLDER ..."}.get(mode, "SCENE|PLAN|FOLDER")
-    if not sources or (mode != "classes" and len(sources) != len(wanted.split())):
-        told = f"expected {' '.join(filter(None, ('calibrate', mode, wanted)))}; {' '.join(words)} came"
+    wanted = "MODEL" if kinds else "SCENE|PLAN|FOLDER"
+    if not sources or (mode != "classes" and len(sources) > 1):
+        asked = ("calibrate", "" if kinds else mode, wanted + (" ..." if mode == "classes" else ""))
+        told = f"expected {' '.join(filter(None, asked))}{f' --{mode} FILE' if kinds else ''}; {' '.join(words)} came"
         raise click.UsageError(told, ctx)
     return (mode, *sources)
+
+
+def _data_option(kind: str, text: str) -> Decorator:
+    return click.option(
+        f"--{kind}", metavar="FILE", type=click.Path(exists=True, dir_okay=False), is_eager=True, help=text
+    )
 
 
 @click.command(cls=NumbersCommand)
 @click.argument(
     "words",
-    metavar="[channels|classes|events] SCENE|PLAN|FOLDER",
+    metavar="[channels|classes] SCENE|PLAN|FOLDER|MODEL",
     nargs=-1,
     required=True,
     shell_complete=shipped("scene"),
@@ -101,7 +126,27 @@ def _words(ctx: click.Context, param: click.Parameter, words: tuple[str, ...]) -
     help="What classes must have in common to share one constant: the event (join or break), also the number of "
     "cubes touched, also the faces, or also the sizes. With auto the runs choose, for joins and for breaks.",
 )
-@heading("For events that others observed")
+@heading("For data of others: MODEL is a network file, or for events also a rule book")
+@_data_option("events", "Table of events (CSV or Parquet): run, time and channel, see docs/observed_events.md.")
+@_data_option("counts", "Table of counts at times: time and a column for each species, see docs/your_data.md.")
+@_data_option("snapshots", "Table of independent copies, each counted once: time since the start, and counts.")
+@click.option(
+    "--free",
+    metavar="NAME",
+    multiple=True,
+    help="For counts: a parameter, channel or observed column to be estimated.  [default: all parameters, or all "
+    "channels where there are none]",
+)
+@count_option("--starts", default=3, help="For counts: how often the search for the maximum begins.")
+@click.option("--fix", "fixed", metavar="NAME=VALUE", multiple=True, help="For counts: a parameter that is known.")
+@click.option(
+    "--observe",
+    "observed",
+    metavar="COLUMN=MODEL:NUMBER",
+    multiple=True,
+    help="For counts: how the numbers of a column come from true counts: detected:0.7 (each copy is seen with this "
+    "probability), rounded:5 (half the width), gaussian:2 (standard deviation).  [default: exact]",
+)
 @click.option(
     "--tank", metavar="X Y Z", type=float, nargs=3, help="Edge lengths of the tank in which the runs were observed."
 )
@@ -135,11 +180,11 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
     and `validate` for any book. Runs of several scenes and plans are pooled. For books that grow from a seed these are
     the only rates, and the word may be left out: see docs/class_rates.md.
 
-    `calibrate events NETWORK TABLE` makes no runs: the rates come from runs that others observed, and NETWORK is a rule
-    book or a network file (.net, SBML). A row of the table (CSV or Parquet) holds run, time and channel, or run, time
-    and the copies of each species after a change. The word start in the column channel marks the start of a run, with
-    the copies of each species; end marks its end, and restart that it was put back to its start. See
-    docs/observed_events.md.
+    With data of others no runs are made. `calibrate MODEL --events FILE` reads every event with its time: rates are
+    events over exposure, as from mechanics. `--counts FILE` reads counts at some times, with nothing known of what
+    happened in between, and `--snapshots FILE` independent copies that were counted once each: parameters of largest
+    likelihood, which is computed with a proven bound, and profile-likelihood intervals. A parameter that the data
+    cannot tell is null. See docs/your_data.md.
     """
 
     if how["breaks"] not in (None, "auto"):
@@ -148,9 +193,13 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
         crowding_model(how["crowding"])
     mode, *sources = words
     study: CalibrationStudy | ClassStudy
+    if mode in ("counts", "snapshots"):
+        refuse_for(mode)
+        from_counts(mode, sources[0], out, as_json, how)
+        return
     if mode == "events":
         refuse_for(mode)
-        study, seed = observed(sources, how), None
+        study, seed = observed(sources[0], how), None
     else:
         parts = runs_of(sources, how)
         mode = mode or ("classes" if is_seeded(parts[0]) else "channels")
@@ -177,17 +226,67 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
 def refuse_for(mode: str) -> None:
     """ValueError where an option was given that means nothing in this mode."""
     for name, option in given_options().items():
-        modes = MODES_OF.get(name, MODES)
+        modes = MODES_OF.get(name, (*MODES, *DATA))
         if mode not in modes:
-            raise ValueError(f"{option} is for calibrate {' and '.join(modes)}, not for {mode}; leave it out")
-        if mode == "events" and name not in OF_EVENTS:
-            raise ValueError(f"{option} applies to mechanics runs, and calibrate events makes none; leave it out")
+            raise ValueError(f"{option} is for {' and '.join(map(_named, modes))}, not for {mode}; leave it out")
+        if mode in DATA and name not in (OF_EVENTS if mode == "events" else OF_COUNTS):
+            raise ValueError(f"{option} applies to mechanics runs, and --{mode} makes none; leave it out")
 
 
-def observed(sources: list[str], how: dict[str, Any]) -> CalibrationStudy:
+def _named(mode: str) -> str:
+    return f"--{mode}" if mode in DATA else f"calibrate {mode}"
+
+
+def from_counts(kind: str, source: str, out: str, as_json: bool, how: dict[str, Any]) -> None:
+    """Fit the parameters of a network file to counts at times, or to snapshots; write and show them."""
+
+    if not is_network_file(source):
+        raise ValueError(f"{source}: --{kind} needs a network file, such as .rxn, .net or SBML; this is a rule book")
+    read_as = read_counts if kind == "counts" else read_snapshots
+    model, table = read(source), how[kind]
+    data = read_as(model, table, dict(_observed(each) for each in how["observed"]))
+    fixed = dict(_assigned("--fix", each) for each in how["fixed"])
+    study = PanelStudy(
+        source,
+        kind,
+        table,
+        fit_panel(model, data, how["free"] or None, fixed=fixed, starts=how["starts"], seed=how["seed"]),
+    )
+    study.save(out)
+    if as_json:
+        echo_json(study.to_dict() | {"out": out, "seed": how["seed"]})
+    else:
+        click.echo(f"{study}\nparameters written to {out}")
+
+
+def _assigned(option: str, text: str) -> tuple[str, float]:
+    """Name and value of NAME=VALUE."""
+    name, equals, value = text.rpartition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        number = float("nan")
+    if not (name and equals) or isnan(number):
+        raise ValueError(f"{option} {text}: expected NAME=VALUE, such as {option} k=0.5")
+    return name, number
+
+
+def _observed(text: str) -> tuple[str, Observation]:
+    """Column and observation of COLUMN=MODEL:NUMBER."""
+    name, _, said = text.rpartition("=")
+    kind, _, number = said.partition(":")
+    if not name:
+        raise ValueError(f"--observe {text}: expected COLUMN=MODEL:NUMBER, such as --observe A=detected:0.7")
+    model: Any = member_named(kind, OBSERVATIONS, "observation model")
+    if (number == "") is not (len(fields(model)) == 0):
+        raise ValueError(f"--observe {text}: {kind} takes {'a number, as in detected:0.7' if not number else 'none'}")
+    return name, model(_assigned("--observe", f"{name}={number}")[1]) if number else model()
+
+
+def observed(source: str, how: dict[str, Any]) -> CalibrationStudy:
     """What a table of events says of a rule book or a network file; --cubes counts only where it was given."""
 
-    source, table = sources
+    table = how["events"]
     network, single = (read(source).network, None) if is_network_file(source) else network_of_book(source)
     cubes = how["cubes"] if "cubes" in given_options() else ()
     if len(cubes) > 1:

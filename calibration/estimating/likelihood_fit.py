@@ -24,6 +24,7 @@ FALL = 1.920729410347062  # of the log-likelihood at the ends of an interval: ha
 FARTHEST = np.log(1e8)  # from the estimate, in logarithms: beyond that the profile is called flat
 SCATTER = np.log(5.0)  # standard deviation of further starts around the first
 AT_TOP = 1e-5  # of log-likelihood, that a Newton step from where the search ended may still gain
+STEEP = 1e6  # rise of what is minimised where the likelihood is 0
 SETTLED = 1e-9  # a gain of log-likelihood that ends the search
 CLOSE = 1e-7  # of the log-likelihood at the ends of an interval, and between optima that are one
 DIFFERENCE = 1e-4  # of a logarithm, for the Hessian by differences of exact gradients
@@ -67,12 +68,20 @@ class ParameterFit:
 
 
 def fit_parameters(
-    scored: Scored, names: Sequence[str], start: Floats, *, starts: int = 3, seed: int = 0
+    scored: Scored,
+    names: Sequence[str],
+    start: Floats,
+    *,
+    most: Floats | None = None,
+    starts: int = 3,
+    seed: int = 0,
 ) -> ParameterFit:
     """The parameters of largest likelihood, from several starts, with their intervals.
 
     scored : the log-likelihood and its gradient by the logarithms of the parameters; ValueError where it is 0
     start : (P,) values to begin with, above 0; further starts are scattered around them by a factor of about 5
+
+    most : (P,) the largest values, such as 1 of a probability; None: there are none
 
     ValueError: the likelihood is 0 at all starts
 
@@ -85,22 +94,23 @@ def fit_parameters(
     >>> found.value.round(6).tolist(), found.low.round(4).tolist(), found.high.round(4).tolist()
     ([0.333333], [0.2078], [0.5015])
     """
-    search = _Search(scored, tuple(names))
+    largest = np.full(len(names), np.inf) if most is None else np.asarray(most, dtype=float)
+    search = _Search(scored, tuple(names), np.log(largest))
     return search.fit(np.log(np.asarray(start, dtype=float)), starts, np.random.default_rng(seed))
 
 
 class _Search:
     """A maximum and its surroundings."""
 
-    def __init__(self, scored: Scored, names: tuple[str, ...]) -> None:
-        self._scored, self._names = scored, names
+    def __init__(self, scored: Scored, names: tuple[str, ...], most: Floats) -> None:
+        self._scored, self._names, self._most = scored, names, most
         self._evaluations = 0
         self._notes: list[str] = []
 
     def _at(self, logs: Floats) -> tuple[float, Floats]:
         """Log-likelihood and gradient; -inf where the likelihood is 0."""
         self._evaluations += 1
-        if not (np.abs(logs) < 600.0).all():
+        if not (np.abs(logs) < 600.0).all() or (logs > self._most).any():
             return -np.inf, np.zeros(logs.size)
         try:
             return self._scored(logs)
@@ -114,6 +124,7 @@ class _Search:
         found = []
         for k in range(starts):
             begin = start if k == 0 else start + SCATTER * rng.standard_normal(start.size)
+            begin = np.minimum(begin, self._most)
             stage(f"fit from start {k + 1} of {starts}", 0.3 * k / starts)
             if np.isfinite(self._at(begin)[0]):
                 found.append(self._maximum(begin))
@@ -128,7 +139,7 @@ class _Search:
             if curvature[0] > 1e-9 * max(curvature[-1], 1e-9)
             else None
         )
-        if covariance is not None and 0.5 * gradient @ covariance @ gradient > AT_TOP:
+        if covariance is not None and (best < self._most).all() and 0.5 * gradient @ covariance @ gradient > AT_TOP:
             self._notes.append("the search ended where the likelihood still rises; try other starts")
         low, high = np.zeros(start.size), np.full(start.size, np.inf)
         estimate = np.exp(best)
@@ -152,15 +163,21 @@ class _Search:
         if not free.size:
             return begin, self._at(begin)[0]
 
+        known: list[Any] = [begin[free], 0.0]
+
         def downhill(part: Floats) -> tuple[float, Floats]:
             logs = begin.copy()
             logs[free] = part
             value, gradient = self._at(logs)
-            return (-value, -gradient[free]) if np.isfinite(value) else (1e300, np.zeros(free.size))
+            if not np.isfinite(value):  # uphill from the last place where it was: searches take no infinity
+                away = part - known[0]
+                return known[1] + STEEP * float(away @ away), 2.0 * STEEP * away
+            known[:] = [part.copy(), -value]
+            return -value, -gradient[free]
 
         best, value = begin.copy(), -np.inf
         for _ in range(ROUNDS):
-            box = [(x - LONGEST, x + LONGEST) for x in best[free]]
+            box = [(x - LONGEST, min(x + LONGEST, top)) for x, top in zip(best[free], self._most[free], strict=True)]
             found = optimize.minimize(downhill, best[free], jac=True, method="L-BFGS-B", bounds=box, options=OPTIONS)
             best[free], gained, value = found.x, -float(found.fun) - value, -float(found.fun)
             if gained < SETTLED or (np.abs(best - begin) > FARTHEST).any():
@@ -173,9 +190,11 @@ class _Search:
         for p in range(at.size):
             step = np.zeros(at.size)
             step[p] = DIFFERENCE
-            rows.append((self._at(at + step)[1] - self._at(at - step)[1]) / (2.0 * DIFFERENCE))
+            above = at if (at + step > self._most).any() else at + step
+            below = at - step
+            rows.append((self._at(above)[1] - self._at(below)[1]) / (above[p] - below[p]))
         table = np.array(rows)
-        return 0.5 * (table + table.T)
+        return np.asarray(0.5 * (table + table.T), dtype=np.float64)
 
     def _end(self, p: int, side: int, best: Floats, top: float, hessian: Floats) -> float | None:
         """Logarithm at which an interval ends; None if the profile never falls so far."""
@@ -229,10 +248,12 @@ class _Search:
             return self._maximum(held, p)
 
         while outside is None:
-            at = best[p] + side * length
+            at = min(best[p] + side * length, float(self._most[p]))
             there, value = profile(at, near)
             if value < top - FALL:
                 outside = at
+            elif at == self._most[p]:
+                return float(at)
             elif length >= FARTHEST:
                 return None
             else:

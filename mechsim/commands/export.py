@@ -27,7 +27,7 @@ from mechsim.runs.store import RunStore
 def export(folder: str, out: str, formats: tuple[str, ...], rules: str | None, as_json: bool) -> None:
     """Write the runs kept in FOLDER as tables: events, runs, and the settings of the runs.
 
-    The first two hold the completed runs as `wellmixed calibrate events` reads them, see
+    The first two hold the completed runs as `wellmixed calibrate MODEL --events` reads them, see
     docs/observed_events.md. The third has a row for every run: its inputs, outcome and cost. The command draws no
     random numbers.
     """

@@ -12,7 +12,7 @@ import numpy as np
 
 from kinetics.markov.derivatives import ChannelEntries
 from kinetics.markov.panels.data import PanelData
-from kinetics.markov.panels.panel_step import unreachable
+from kinetics.markov.panels.panel_step import amplified, unreachable
 from kinetics.markov.panels.slopes import Slopes
 from kinetics.markov.passage.backward import jump_rate, one_step
 from kinetics.markov.transient.poisson import ROUNDOFF, poisson_bounds
@@ -200,19 +200,30 @@ class FewPass:
         few, rates = self._few, self._events(self._network)
         now = np.zeros((len(few.starts), self.n))
         now[np.arange(len(few.starts)), few.starts] = 1.0
-        before, seen, total, error = [], [], 0.0, 0.0
+        before, seen, known, total, error = [], [], [], 0.0, 0.0
         for look, alive in enumerate(few.alive):
             now = now[:alive]
             before.append(now)
             there = np.einsum("rn,rnm->rm", now, self._matrices[few.which[look, :alive]])
-            after = self._fired(look, rates, there, True) * self._chances(look)
+            chances = self._chances(look)
+            after = self._fired(look, rates, there, True) * chances
             chance = after.sum(axis=1)
             if not (chance > 0.0).all():
                 self._refuse(look, int((~(chance > 0.0)).argmax()), now)
             now = after / chance[:, None]
             seen.append(chance)
+            known.append(np.count_nonzero(chances, axis=1) == 1)
             total += float(np.log(chance).sum())
-            error += float((2.0 * LEFT_OUT * 2.0**self.squarings / chance).sum()) + alive * self._wrong
+            error += alive * self._wrong
+        left, fastest = 2.0 * LEFT_OUT * 2.0**self.squarings, max(1.0, float(rates.sum(axis=2).max(initial=0.0)))
+        for run in range(len(few.starts)):
+            looks = [look for look, alive in enumerate(few.alive) if run < alive]
+            chances_of_run = np.array([seen[look][run] for look in looks])
+            chances_of_run /= np.where(few.fired[looks, run] >= 0, fastest, 1.0)
+            is_known = np.array([known[look][run] for look in looks])
+            error += amplified(np.full(len(looks), left), chances_of_run, is_known)
+        if not error < inf:
+            self.is_certified, error = False, len(seen) * self._wrong
         return before, seen, total, error
 
     @cached_property

@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import expm1, log
+from math import expm1, inf, log
 from typing import NamedTuple
 
 import numpy as np
@@ -23,9 +23,9 @@ import numpy as np
 from kinetics.markov.derivatives import ChannelEntries, gradient_at
 from kinetics.markov.panels.data import PanelData, PanelRun
 from kinetics.markov.panels.few_states import FewPass, FewStates
-from kinetics.markov.panels.panel_step import PanelStep, carried, chances_of
+from kinetics.markov.panels.panel_step import PanelStep, amplified, carried, chances_of
 from kinetics.markov.panels.slopes import Slopes
-from kinetics.markov.passage.backward import LOST, expected_from_all
+from kinetics.markov.passage.backward import LEFT_OUT, LOST, expected_from_all
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.search import MAX_STATES
 from kinetics.markov.transient.transitions import totals
@@ -35,6 +35,9 @@ from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Floats
 
 METHOD = "forward filter by uniformisation"
+FORGOTTEN = 1e-60  # of the Poisson probability, before a look after which the state is known
+LARGEST = 700.0  # error of a logarithm beyond which nothing is known
+MOST_LOST = 1e-8  # of the probability of a look, before the likely states are found anew
 
 
 class Scored(NamedTuple):
@@ -84,14 +87,15 @@ class PanelLikelihood:
         network, data = self._at(point or {})
         total, error, gradient, certified = 0.0, 0.0, np.zeros(len(names)), True
         slopes = self._slopes(network, point or {}, names)
-        passes = self._passes(network, data, len(names))
-        for passed in passes:
-            total += passed.log_likelihood
-            error += passed.error
+        for passed, copies in self._passes(network, data, len(names)):
+            total += copies * passed.log_likelihood
+            error += copies * passed.error
             certified &= passed.is_certified
             if names:
-                gradient += passed.gradient(slopes)
-        error = 1.01 * expm1(error) + 4.0 * ROUNDOFF * (data.looks + 1) * (1.0 + abs(total))
+                gradient += copies * passed.gradient(slopes)
+        error = 1.01 * (expm1(error) if error < LARGEST else inf) + 4.0 * ROUNDOFF * (data.looks + 1) * (
+            1.0 + abs(total)
+        )
         why = f"{data.looks} looks at {len(data.runs)} runs"
         answer = Answer(
             total, total - error, total + error, kind_of(certified), METHOD, time.process_time() - began, why
@@ -117,16 +121,31 @@ class PanelLikelihood:
             network, names, observed, known.__getitem__, lambda name, value: self._at({**point, name: value})[0]
         )
 
-    def _passes(self, network: Network, data: PanelData, parameters: int) -> Iterator[_Pass | FewPass]:
-        """One pass over all runs where states are few, else one a run."""
+    def _passes(self, network: Network, data: PanelData, parameters: int) -> Iterator[tuple[_Pass | FewPass, int]]:
+        """One pass over all runs where states are few, else one for all runs that are alike, and how many these are."""
         structure = self._structure(network)
         if structure.few is not None:
-            passed = FewPass(structure.few, network, data)
-            if passed.fits(parameters):
-                yield passed
+            together = FewPass(structure.few, network, data)
+            if together.fits(parameters):
+                yield together, 1
                 return
-        for r, run in enumerate(data.runs):
-            yield _Pass(structure.steps_of(data, r, run), network, data, run)
+        for r, copies in self._alike.items():
+            run = data.runs[r]
+            passed = _Pass(structure.steps_of(data, r, run), network, data, run)
+            if passed.lost > MOST_LOST:  # the states were likely at other rates
+                passed = _Pass(structure.renewed(network).steps_of(data, r, run), network, data, run)
+            yield passed, copies
+
+    @cached_property
+    def _alike(self) -> dict[int, int]:
+        """The first of all runs that are alike, such as snapshots, and their number."""
+        first: dict[tuple[bytes | float, ...], int] = {}
+        found: dict[int, int] = {}
+        for r, run in enumerate(self.data.runs):
+            arrays = (run.initial, run.times, run.seen, run.fired)
+            place = first.setdefault((run.start, *(np.asarray(each).tobytes() for each in arrays)), r)
+            found[place] = found.get(place, 0) + 1
+        return found
 
     def _structure(self, network: Network) -> _Structure:
         """What does not depend on the rates but for which of them are 0; of rate laws, on no change of a parameter."""
@@ -151,6 +170,12 @@ class _Structure:
         """All states, where they are few."""
         return FewStates.of(self._network, self._data)
 
+    def renewed(self, network: Network) -> _Structure:
+        """The same, with likely states found anew at the rates of this network."""
+        self._network = network
+        self._steps.clear()
+        return self
+
     def steps_of(self, data: PanelData, r: int, run: PanelRun) -> list[PanelStep]:
         """The steps of a run, one a look."""
         if r not in self._steps:
@@ -172,12 +197,14 @@ class _Pass:
         self._filtered = [np.ones(1)]
         self._chains = [step.chain(network) for step in steps]
         self._before: list[Floats] = []
-        self.log_likelihood, self.error = 0.0, 0.0
+        self.log_likelihood, self.error, self.lost = 0.0, 0.0, 0.0
         self.is_certified = all(chain.is_certified for chain in self._chains) and all(
             each.is_certified for each in data.observations.values()
         )
+        tiny, chances = [], []
         for step, chain, length in zip(steps, self._chains, self._lengths, strict=True):
-            there, relative = carried(chain, step.start(self._filtered[-1]), float(length))
+            left_out = FORGOTTEN if len(step.ends) == 1 else LEFT_OUT
+            there, relative = carried(chain, step.start(self._filtered[-1]), float(length), left_out)
             before = there[step.ends]
             after = self._forwards(step, before) * self._chances(step, len(self._before))
             probability = float(after.sum())
@@ -190,7 +217,15 @@ class _Pass:
             self._filtered.append(after / probability)
             self.log_likelihood += log(probability)
             rounded = ROUNDOFF * (after.size + chain.roundings + len(self._weights) + 8.0)
-            self.error += relative + rounded + LOST * (1 + there.size) / probability
+            self.error += relative + rounded
+            self.lost = max(self.lost, float(there[-2]) / probability)
+            most = 1.0 if step.jumps is None else max(1.0, float(step.jump_rates(network).sum()))
+            tiny.append(float(there[-2]) + left_out + LOST * (1 + there.size))
+            chances.append(probability / most)
+            self.is_certified &= step.jumps is None or not step.is_projected  # beyond, an event might be of any rate
+        share = amplified(np.array(tiny), np.array(chances), np.array([len(step.seen_states) == 1 for step in steps]))
+        self.is_certified &= share < np.inf
+        self.error += share if share < np.inf else 0.0
 
     def _chances(self, step: PanelStep, look: int) -> Floats:
         """Of what was seen, in the states after a look, as it is observed now."""
@@ -218,7 +253,7 @@ class _Pass:
             step, chain, start = self._steps[look], self._chains[look], self._filtered[look]
             chances = self._chances(step, look)
             seen = chances * later
-            values = np.zeros(len(step.states) + 1)
+            values = np.zeros(len(step.states) + 2)
             values[step.ends] = self._backwards(step, seen)
             scale = float(values.max())
             values /= scale
@@ -228,7 +263,10 @@ class _Pass:
                 (mean,) = gradient_at(entries, step.start(start), values[None, :], length)
                 probability = mean.answer.value
                 found += slopes.of_rates(step.states, step.rows, step.channels) @ mean.value / probability
-                before, _ = expected_from_all(chain, values, length)
+                if step.begins.size == 1:
+                    before = step.start(np.array([probability]))
+                else:
+                    before, _ = expected_from_all(chain, values, length)
             else:
                 before = values
                 probability = float(step.start(start) @ values)

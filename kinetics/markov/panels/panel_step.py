@@ -9,10 +9,11 @@ import numpy as np
 
 from kinetics.markov.derivatives import ChannelEntries
 from kinetics.markov.panels.data import PanelData, PanelRun
-from kinetics.markov.passage.backward import LEFT_OUT, jump_rate, one_step, steps_until, weights_errors
+from kinetics.markov.passage.backward import jump_rate, one_step, steps_until, weights_errors
 from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient.poisson import ROUNDOFF, poisson_window
-from kinetics.markov.transient.search import Search
+from kinetics.markov.transient.projection import likely_states
+from kinetics.markov.transient.search import Search, TooManyStatesError
 from kinetics.markov.transient.states import StateSpace
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.markov.transient.uniformisation import MAX_STEPS, STEP_SECONDS
@@ -21,6 +22,9 @@ from kinetics.support.arrays import Floats, Ints
 from kinetics.support.cli.progress import forecast
 from kinetics.support.packages import sparse
 from kinetics.support.tables import rough
+
+EXPLORED = 20_000  # states; where more can be reached, likely ones are enough
+LOST_AT_MOST = 1e-13  # of the probability between two looks, where only likely states are kept
 
 
 class Jumps(NamedTuple):
@@ -33,7 +37,10 @@ class Jumps(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PanelStep:
-    """The chain between two looks; what cannot lead to the later one is a last state, which is never left.
+    """The chain between two looks.
+
+    Two states more are never left: what was lost because the states are not all that can be reached, and what cannot
+    lead to the later look.
 
     states : (N, S)
     begins : (M,) places of the states that were possible at the earlier look, in their order
@@ -41,7 +48,7 @@ class PanelStep:
     rows, columns, channels : (K,) of the transitions
     jumps : the event at the later look, between places in `ends` and in `seen_states`; None if there is none
     seen_states : (F, S) states that are possible after the later look
-    chances : (F,) probability, or density, of what was seen in each
+    is_projected : whether there are so many states that only likely ones are kept
     """
 
     states: Ints
@@ -52,7 +59,7 @@ class PanelStep:
     channels: Ints
     jumps: Jumps | None
     seen_states: Ints
-    chances: Floats
+    is_projected: bool
 
     @classmethod
     def of(
@@ -64,63 +71,54 @@ class PanelStep:
         """
         fired = _channels_of(network, data, int(run.fired[look]))  # type: ignore[index]
         weights = data.weights(network)
-        at_once = look == 0 and run.times[0] == run.start
-        if at_once:
-            states, places = begins, np.arange(len(begins))
-            rows = columns = channels = np.empty(0, dtype=np.int64)
-        else:
+        length = float(run.times[look] - (run.times[look - 1] if look else run.start))
+        is_projected = False
+        states, is_stopped = begins, np.ones(len(begins), dtype=bool)
+        if length > 0.0:
             bounds = _bounds(data, run, look, weights, network, fired)
-            search = Search(network, begins, max_states, lambda states: _is_hopeless(states, *bounds))
-            search.go_on(0)
-            space = StateSpace(network, search.states.copy(), search.stopped())
-            entries = ChannelEntries(space.transitions(), len(network.channels))
-            states, rows, columns, channels = (space.states, *entries.transitions[:2], entries.channels)
-            places = np.arange(len(begins))
+            search = Search(network, begins, min(EXPLORED, max_states), lambda states: _is_hopeless(states, *bounds))
+            try:
+                search.go_on(0)
+                states, is_stopped = search.states.copy(), search.stopped()
+            except TooManyStatesError:
+                is_projected = True
+                states = likely_states(network, begins, length, LOST_AT_MOST, max_states)
+                is_stopped = _is_hopeless(states, *bounds)
+        space = StateSpace(network, states, is_stopped)
+        entries = ChannelEntries(space.transitions(), len(network.channels))
+        out = _ways_out(network, space) if is_projected else (np.empty(0, dtype=np.int64),) * 2
+        moves = entries.transitions
+        rows, channels = np.append(moves.rows, out[0]), np.append(entries.channels, out[1])
+        columns = np.append(moves.columns, np.full(out[0].size, len(states)))
         if fired is None:
-            chances = chances_of(data, run, look, states @ weights.T)
-            ends, jumps, seen_states = np.flatnonzero(chances > 0), None, states
-            chances, seen_states = chances[ends], states[ends]
+            ends, jumps = np.flatnonzero(chances_of(data, run, look, states @ weights.T) > 0), None
+            seen_states = states[ends]
         else:
             ends, jumps, seen_states = _jumps(network, states, fired)
             chances = chances_of(data, run, look, seen_states @ weights.T)
-            ends, jumps, seen_states, chances = _possible(ends, jumps, seen_states, chances)
+            ends, jumps, seen_states = _possible(ends, jumps, seen_states, chances)
         if not len(ends):
             raise unreachable(network, data, run, look, begins)
-        if at_once:
-            return cls(states, places, ends, rows, columns, channels, jumps, seen_states, chances)
-        return cls._reduced(states, places, ends, (rows, columns, channels), jumps, seen_states, chances)
-
-    @classmethod
-    def _reduced(
-        cls,
-        states: Ints,
-        begins: Ints,
-        ends: Ints,
-        entries: tuple[Ints, Ints, Ints],
-        jumps: Jumps | None,
-        seen_states: Ints,
-        chances: Floats,
-    ) -> PanelStep:
-        """Only states that lead to an end; those of the beginning stay, so that their order does."""
-        rows, columns, channels = entries
+        # Only states that lead to an end; those of the beginning stay, so that their order does.
         n = len(states)
-        whole = Transitions(rows, columns, np.ones(rows.size), np.zeros(n), 0.0, channels)
-        goal = np.zeros(n, dtype=bool)
+        whole = Transitions(rows, columns, np.ones(rows.size), np.zeros(n + 1), 0.0, channels)
+        goal = np.zeros(n + 1, dtype=bool)
         goal[ends] = True
         kept = whole.leading_to(goal)
-        kept[begins] = True
+        kept[: len(begins)] = kept[n] = True
         part, place = ChannelEntries(whole.within(kept), 0), np.cumsum(kept) - 1
         moves = part.transitions
+        begin_places = place[: len(begins)]
         return cls(
-            states[kept],
-            place[begins],
+            states[kept[:n]],
+            begin_places,
             place[ends],
             moves.rows,
             moves.columns,
             part.channels,
             jumps,
             seen_states,
-            chances,
+            is_projected,
         )
 
     def chain(self, network: Network) -> Transitions:
@@ -131,12 +129,12 @@ class PanelStep:
             rates = network.propensities(self.states)[self.rows, self.channels]
             space = StateSpace(network, self.states, np.zeros(len(self.states), dtype=bool))
             error = float(space.rate_errors.max(initial=0.0))
-        leaks = np.zeros(len(self.states) + 1)
+        leaks = np.zeros(len(self.states) + 2)
         return Transitions(self.rows, self.columns, rates, leaks, error, self.channels)
 
     def start(self, chances: Floats) -> Floats:
-        """Probabilities (N + 1,) from those (M,) at the earlier look."""
-        start = np.zeros(len(self.states) + 1)
+        """Probabilities (N + 2,) from those (M,) at the earlier look."""
+        start = np.zeros(len(self.states) + 2)
         start[self.begins] = chances
         return start
 
@@ -148,10 +146,29 @@ class PanelStep:
         return np.asarray(network.propensities(before)[np.arange(len(before)), self.jumps.channels])
 
 
-def carried(chain: Transitions, start: Floats, time: float) -> tuple[Floats, float]:
+def amplified(tiny: Floats, chances: Floats, is_known: Mask) -> float:
+    """Bound on the share of a run's probability that is missing, where at each look (L,) a probability `tiny` was left
+    out.
+
+    chances : (L,) of each look given those before, over the largest that it may have: 1, or the rate of its event
+    is_known : (L,) whether only one state is possible after it
+
+    What was left out before a look might have made all later ones, each with certainty, up to the next look after which
+    the state is known: from there on, the future is that of all else. inf where these looks together are too unlikely.
+    """
+    share, ahead = 0.0, 1.0
+    for left, chance, known in zip(tiny[::-1], chances[::-1], is_known[::-1], strict=True):
+        ahead = float(chance) * (1.0 if known else ahead)
+        share += float(left) / ahead if ahead > 0.0 else np.inf
+    return share
+
+
+def carried(chain: Transitions, start: Floats, time: float, left_out: float) -> tuple[Floats, float]:
     """Probabilities (N,) after a time, tu, from those at the start (N,), and the relative error of each.
 
-    Numbers below 1e-300 are beyond it. As `expected_from_all`, forwards. ValueError: too many steps
+    left_out : of the Poisson probability of more steps, which is beyond that error, as are numbers below 1e-300
+
+    As `expected_from_all`, forwards. ValueError: too many steps
     """
     if time == 0.0 or not chain.rates.any():
         return start.copy(), 0.0
@@ -161,27 +178,19 @@ def carried(chain: Transitions, start: Floats, time: float) -> tuple[Floats, flo
             f"the chain is too stiff: {steps:.3g} steps between two looks {time:g} tu apart, at most {MAX_STEPS}"
         )
     forecast(steps * STEP_SECONDS * (start.size + chain.rates.size), f"{rough(steps)} steps from look to look")
-    moves, stays, _ = one_step(chain)
+    moves, stays, roundings = one_step(chain)
     into = sparse.csr_array(moves.T)
-    first, weights = poisson_window(jump_rate(chain) * time, LEFT_OUT)
+    first, weights = poisson_window(jump_rate(chain) * time, left_out)
     now, found = start.copy(), np.zeros(start.size)
     for n in range(first + weights.size):
         if n >= first:
             found += weights[n - first] * now
         now = into @ now + stays * now
-    return found, carried_error(chain, time)
-
-
-def carried_error(chain: Transitions, time: float) -> float:
-    """The relative error of the probabilities that `carried` finds."""
-    _, _, roundings = one_step(chain)
-    mean = jump_rate(chain) * time
-    first, weights = poisson_window(mean, LEFT_OUT)
-    n_steps = first + weights.size
+    n_steps, mean = first + weights.size, jump_rate(chain) * time
     roundings += 2.0 * (int(np.bincount(chain.columns, minlength=1).max()) + 2.0)
     jumps = n_steps + float(chain.exits.max()) * time
     relative = n_steps * roundings + jumps * (chain.roundings + 1.0) + 2.0 * weights.size + 4.0
-    return 1.01 * float(np.expm1(ROUNDOFF * relative) + weights_errors(mean, first, weights.size).max())
+    return found, 1.01 * float(np.expm1(ROUNDOFF * relative) + weights_errors(mean, first, weights.size).max())
 
 
 def chances_of(data: PanelData, run: PanelRun, look: int, counted: Floats) -> Floats:
@@ -235,18 +244,23 @@ def _jumps(network: Network, states: Ints, fired: Ints) -> tuple[Ints, Jumps, In
     return ends, Jumps(origin, place.reshape(-1), fired[which]), reached
 
 
-def _possible(ends: Ints, jumps: Jumps, states: Ints, chances: Floats) -> tuple[Ints, Jumps, Ints, Floats]:
+def _possible(ends: Ints, jumps: Jumps, states: Ints, chances: Floats) -> tuple[Ints, Jumps, Ints]:
     """Without the jumps to states in which the look cannot be."""
     lasts = chances[jumps.after] > 0
     before, after = jumps.before[lasts], jumps.after[lasts]
     kept_ends, origin = np.unique(before, return_inverse=True)
     kept_states, place = np.unique(after, return_inverse=True)
-    return (
-        ends[kept_ends],
-        Jumps(origin, place, jumps.channels[lasts]),
-        states[kept_states],
-        chances[kept_states],
-    )
+    return ends[kept_ends], Jumps(origin, place, jumps.channels[lasts]), states[kept_states]
+
+
+def _ways_out(network: Network, space: StateSpace) -> tuple[Ints, Ints]:
+    """Rows and channels (L,) of the transitions that lead out of the states."""
+    happens = network.propensities(space.states) > 0
+    happens[space.is_stopped] = False
+    happens[:, ~network.sparse_stoichiometry.has_entries] = False
+    rows, channels = np.nonzero(happens)
+    is_out = space.index_of(space.states[rows] + network.stoichiometry[channels]) < 0
+    return rows[is_out], channels[is_out]
 
 
 def unreachable(network: Network, data: PanelData, run: PanelRun, look: int, before: Ints) -> ValueError:

@@ -70,13 +70,26 @@ class FiniteStateProjection(SolvingMethod):
 
     def distribution(self, network: Network, start: Ints, grid: Floats) -> Distribution:
         """Probabilities of the states kept; `error` is the lost probability, the last drift, and rounding."""
-        front = _Front(network, start, grid, self)
+        front = _Front(network, start[None, :], grid, self)
         while front.time < grid[-1]:
             try:
                 front.advance()
             except TooManyStatesError:
                 raise TooManyStatesError.of(front.too_many(), ADVICE) from None
         return front.distribution()
+
+
+def likely_states(network: Network, begins: Ints, length: float, tolerance: float, max_states: int) -> Ints:
+    """States (N, S) that hold all but `tolerance` of the probability up to a time, tu, from any of `begins` (M, S).
+
+    These come first, in their order. TooManyStatesError, or a ValueError where it would take too long.
+    """
+    method = FiniteStateProjection(tolerance, max_states)
+    front, found = _Front(network, begins, np.array([length]), method), Search(network, begins, max_states)
+    while front.time < length:
+        front.advance()
+        found.add(np.ascontiguousarray(front.states))
+    return found.states.copy()
 
 
 class _Window(NamedTuple):
@@ -110,10 +123,10 @@ class _Window(NamedTuple):
 class _Front:
     """States and probabilities now, and what was found at the times asked for."""
 
-    def __init__(self, network: Network, start: Ints, grid: Floats, method: FiniteStateProjection) -> None:
+    def __init__(self, network: Network, begins: Ints, grid: Floats, method: FiniteStateProjection) -> None:
         self.network, self.grid, self.method = network, grid, method
         self.tolerance, self.max_states = method.tolerance, method.max_states
-        self.time, self.states, self.mass = 0.0, start[None, :].copy(), np.ones(1)
+        self.time, self.states, self.mass = 0.0, begins.copy(), np.full(len(begins), 1.0 / len(begins))
         self.rounding, self.drift, self.is_certified = 0.0, 0.0, True
         self.steps, self.seconds = 0.0, 0.0
         self.past: list[tuple[float, float, float]] = []  # steps, time and rate at each window

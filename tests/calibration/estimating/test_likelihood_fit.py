@@ -97,6 +97,17 @@ def test_the_best_of_several_maxima_is_taken():
     assert np.log(alone.value[0]) == pytest.approx(0.0, abs=1e-5)
 
 
+def test_a_largest_value_ends_the_search_and_the_interval():
+    found = fit_parameters(exponential([20, 3], [60.0, 0.5]), ["a", "b"], [0.1, 1.0], most=[0.4, 100.0])
+    low, high = ends(20, 60.0)
+    assert high > 0.4  # without a limit it would reach beyond
+    np.testing.assert_allclose([found.low[0], found.high[0]], [low, 0.4], rtol=1e-5)
+    at_limit = fit_parameters(exponential([20], [60.0]), ["a"], [0.1], most=[0.2])
+    assert at_limit.value[0] == pytest.approx(0.2, rel=1e-9)
+    assert at_limit.high[0] == pytest.approx(0.2, rel=1e-9)
+    assert at_limit.low[0] < 0.2
+
+
 def test_a_start_at_which_the_likelihood_is_zero_says_why():
     def scored(logs):
         raise ValueError("row 3: cannot be")

@@ -112,7 +112,7 @@ def written(tmp_path):
 def test_calibrate_says_so_first_in_every_form(written):
     def calibrated(*more):
         tables = ("events.csv", "--run-table", "runs.csv")
-        return run_here("calibrate", "events", "die.rxn", *tables, "--out", "rates.toml", *more, cwd=written)
+        return run_here("calibrate", "die.rxn", "--events", *tables, "--out", "rates.toml", *more, cwd=written)
 
     lines = calibrated("--report", "report.html").out.splitlines()
     assert lines[2].startswith("Looks are coarse: they are 1 apart")  # below the two lines of the rates

@@ -175,7 +175,7 @@ def tables(tmp_path):
 
 
 def test_the_command(wellmixed_here, tmp_path, tables):
-    command = ["calibrate", "events", "line4", "events.csv", "--run-table", "runs.csv", "--out", "rates.toml"]
+    command = ["calibrate", "line4", "--events", "events.csv", "--run-table", "runs.csv", "--out", "rates.toml"]
     done = wellmixed_here(*command, "--report", "report.html", "--json", cwd=tmp_path)
     assert [row["rate"] for row in done.json["channels"]] == [e.rate for e in estimate(paths_of_all_kinds()).estimates]
     rates = Rates.load(tmp_path / "rates.toml")
@@ -192,7 +192,7 @@ def test_the_command(wellmixed_here, tmp_path, tables):
 def test_the_command_with_one_run(wellmixed_here, tmp_path):
     path = paths_of_all_kinds()[0]
     counts_table(path, "a").to_csv(tmp_path / "counts.csv", index=False)
-    command = ["calibrate", "events", "line4", "counts.csv", "--cubes", 60, "--tank", 2, 2, 3, "--out", "rates.toml"]
+    command = ["calibrate", "line4", "--events", "counts.csv", "--cubes", 60, "--tank", 2, 2, 3, "--out", "rates.toml"]
     done = wellmixed_here(*command, "--report", "report.html", cwd=tmp_path)
     assert (done.code, done.err) == (0, "")
     assert re.search(r"(?m)^1\+1->2 .* - ", done.out)  # one run is not tested against others
@@ -215,7 +215,7 @@ def test_a_network_file_says_what_can_happen(wellmixed_here, tmp_path, tables, s
     for name in network.channels:
         runs = runs.replace(name, renamed[name])
     tables[1].write_text(runs)
-    command = ["calibrate", "events", file.name, "events.csv", "--run-table", "runs.csv", "--out", "rates.toml"]
+    command = ["calibrate", file.name, "--events", "events.csv", "--run-table", "runs.csv", "--out", "rates.toml"]
     rows = wellmixed_here(*command, "--json", cwd=tmp_path).json["channels"]
     own = estimate(paths_of_all_kinds()).estimates
     assert [row["events"] for row in rows] == [each.events for each in own]
@@ -224,23 +224,23 @@ def test_a_network_file_says_what_can_happen(wellmixed_here, tmp_path, tables, s
         assert ratio == pytest.approx(network.combinations_of([60, 3, 3, 3])[rows.index(row)] * each.ways * each.rate)
 
 
-WATCHED = ("events", "line4", "events.csv")
+WATCHED = ("line4", "--events", "events.csv")
 
 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ([*WATCHED, "--runs", 5], "--runs applies to mechanics runs, and calibrate events makes none"),
-        ([*WATCHED, "--duration", 5], "--duration applies to mechanics runs, and calibrate events makes none"),
+        ([*WATCHED, "--runs", 5], "--runs applies to mechanics runs, and --events makes none"),
+        ([*WATCHED, "--duration", 5], "--duration applies to mechanics runs, and --events makes none"),
         ([*WATCHED, "--cubes", 60, 80], "--cubes 60 80: for events one number, that of the cubes"),
-        ([*WATCHED, "--workers", 2], "--workers applies to mechanics runs, and calibrate events makes none"),
-        ([*WATCHED, "--shard", "1/2"], "--shard applies to mechanics runs, and calibrate events makes none"),
-        ([*WATCHED, "--seed", 2], "--seed applies to mechanics runs, and calibrate events makes none"),
-        (["line4", "--run-table", "runs.csv"], "--run-table is for calibrate events, not for channels; leave it out"),
-        (["line4", "--tank", 2, 2, 3], "--tank is for calibrate events, not for channels; leave it out"),
-        (["events", "line4"], "expected calibrate events NETWORK TABLE; events line4 came"),
+        ([*WATCHED, "--workers", 2], "--workers applies to mechanics runs, and --events makes none"),
+        ([*WATCHED, "--shard", "1/2"], "--shard applies to mechanics runs, and --events makes none"),
+        ([*WATCHED, "--seed", 2], "--seed applies to mechanics runs, and --events makes none"),
+        (["line4", "--run-table", "runs.csv"], "--run-table is for --events, not for channels; leave it out"),
+        (["line4", "--tank", 2, 2, 3], "--tank is for --events, not for channels; leave it out"),
+        (["line4", "again", "--events", "events.csv"], "expected calibrate MODEL --events FILE; line4 again came"),
         (WATCHED, "run run 0 has no start"),
-        (["events", "line4", "no.csv"], "table no.csv does not exist"),
+        (["line4", "--events", "no.csv"], "File 'no.csv' does not exist"),
         ([*WATCHED, "--run-table", "runs.csv", "--tank", 2, 2, 3], "both --tank and the column tank"),
         ([*WATCHED, "--run-table", "runs.csv", "--cubes", 61], "this run starts with 60 cubes; expected 61"),
     ],

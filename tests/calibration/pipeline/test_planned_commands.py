@@ -56,7 +56,7 @@ def test_the_table_of_break_models(wellmixed_here, tmp_path):
         "\n".join(["run,time,channel,monomer,dimer,trimer,quadmer", *rows]), encoding="utf-8"
     )
     given = ["--tank", 2, 2, 3, "--break-model", "auto", "--out", "rates.toml"]
-    command = ["calibrate", "events", "line4", "seen.csv", *given]
+    command = ["calibrate", "line4", "--events", "seen.csv", *given]
     data = wellmixed_here(*command, "--report", "page.html", "--json", cwd=tmp_path).json
     breaks = data["breaks"]
     assert [row["model"] for row in breaks["models"]] == MODELS

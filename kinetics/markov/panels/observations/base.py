@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from math import inf
 from typing import ClassVar
 
 from kinetics.support.arrays import Floats
@@ -13,10 +14,12 @@ class Observation(ABC):
 
     name : in tables, commands and files
     is_certified : whether `weights` have no error
+    most : the largest value of the parameter
     """
 
     name: ClassVar[str]
     is_certified: ClassVar[bool] = False
+    most: ClassVar[float] = inf
 
     @property
     def parameter(self) -> float | None:

@@ -24,6 +24,7 @@ class Detected(Observation):
     """
 
     name: ClassVar[str] = "detected"
+    most: ClassVar[float] = 1.0
 
     p: float
 

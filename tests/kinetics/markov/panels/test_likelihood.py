@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.linalg import expm
-from scipy.stats import binom
+from scipy.stats import binom, poisson
 
 from kinetics import Model, Network, reachable
 from kinetics.markov.panels import PanelData, PanelLikelihood, PanelRun, few_states, log_likelihood
 from kinetics.markov.panels.observations import Detected, Gaussian, Rounded
+from kinetics.markov.panels.panel_step import amplified
 from kinetics.support.answer import Answer
 from tests.helpers.random_chains import DIGITS, exact_generator
 
@@ -273,15 +274,72 @@ def test_a_rate_that_was_zero_may_become_positive(road):
 def test_rate_laws_count_too(road):
     network = Network.from_text("make: 0 -> A, v / (1 + A / K)\nlose: A -> 0, 0.3", v=1.5, K=4.0)
     data = PanelData({"A": {"A": 1}}, [PanelRun([0], [1.0, 2.0], [[2], [3]])])
-    asked = PanelLikelihood(Model.of(network), data, max_states=400)
-    with pytest.raises(ValueError, match="states"):
-        asked.value()
+    endless = PanelLikelihood(Model.of(network), data).value()
     ended = Network.from_text("make: 0 -> A, v / (1 + A / K) * (A < 40)\nlose: A -> 0, 0.3", v=1.5, K=4.0)
     asked = PanelLikelihood(Model.of(ended), data)
+    assert endless.value == pytest.approx(asked.value().value, abs=1e-11)
     gradient = asked.scored({"v": 1.5, "K": 4.0}, ["v", "K"]).gradient
     for p, (name, value) in enumerate({"v": 1.5, "K": 4.0}.items()):
         up, down = (asked.value({name: value * np.exp(s * 1e-5)}).value for s in (1, -1))
         assert gradient[p] == pytest.approx((up - down) / 2e-5, abs=1e-6)
+
+
+def test_endless_networks_keep_likely_states(road):
+    """Made at rate v and lost at rate g: Poisson, with mean v / g (1 - exp(-g t)), from none; its law is known."""
+    network = Network.from_text("make: 0 -> A, v\nlose: A -> 0, g", v=8.0, g=0.5)
+    runs = [PanelRun([0], [time], [[seen]]) for time, seen in ((0.5, 3), (2.0, 9), (2.0, 14))]
+    asked = PanelLikelihood(Model.of(network), PanelData({"A": {"A": 1}}, runs))
+    for v in (8.0, 30.0):  # the likely states of the first are not those of the second
+        found = asked.value({"v": v})
+        means = [v / 0.5 * (1 - np.exp(-0.5 * run.times[0])) for run in runs]
+        law = sum(poisson.logpmf(run.seen[0, 0], mean) for run, mean in zip(runs, means, strict=True))
+        assert found.low <= law + 1e-13
+        assert law - 1e-13 <= found.high
+        assert found.error < 1e-6
+        assert found.kind == "proven"
+
+
+def test_what_is_left_out_may_explain_all_later_looks():
+    tiny, chances = np.array([1e-12, 1e-12, 1e-12]), np.array([0.1, 0.01, 0.5])
+    hidden = amplified(tiny, chances, np.zeros(3, dtype=bool))
+    assert hidden == pytest.approx(1e-12 * (1 / (0.1 * 0.01 * 0.5) + 1 / (0.01 * 0.5) + 1 / 0.5))
+    known = amplified(tiny, chances, np.ones(3, dtype=bool))  # each look tells the state: no further than it
+    assert known == pytest.approx(1e-12 * (1 / 0.1 + 1 / 0.01 + 1 / 0.5))
+    between = amplified(tiny, chances, np.array([False, True, False]))
+    assert between == pytest.approx(1e-12 * (1 / (0.1 * 0.01) + 1 / 0.01 + 1 / 0.5))
+    assert amplified(np.full(400, 1e-60), np.full(400, 0.1), np.zeros(400, dtype=bool)) == np.inf
+
+
+def test_runs_that_are_alike_count_each(road):
+    """A hundred snapshots of four kinds cost four passes."""
+    network = Network.from_text("make: 0 -> A, 2\nlose: A -> 0, g", g=0.5)
+    runs = [PanelRun([0], [time], [[seen]]) for time, seen in ((0.5, 1), (2.0, 3), (2.0, 2), (0.5, 0))]
+    once, many = (PanelLikelihood(Model.of(network), PanelData({"A": {"A": 1}}, runs * n)) for n in (1, 25))
+    one, all_of_them = (each.scored({"g": 0.5}, ["g"]) for each in (once, many))
+    assert all_of_them.answer.value == pytest.approx(25 * one.answer.value, rel=1e-13)
+    assert all_of_them.gradient == pytest.approx(25 * one.gradient, rel=1e-12)
+    assert "100 looks at 100 runs" in all_of_them.answer.why
+    assert len(many._alike) == 4
+
+
+def test_what_is_lost_before_a_hidden_state_is_within_the_bound():
+    text = "make: 0 -> A, 8{end}\nlose: A -> 0, 0.5\nspot: A -> A + S, 0.3{stop}"
+    data = PanelData({"S": {"S": 1}}, [PanelRun([0, 0], [0.5, 1.0], [[0], [1]])])
+    endless = log_likelihood(Network.from_text(text.format(end="", stop="")), data)
+    ended = log_likelihood(Network.from_text(text.format(end=" * (A < 60)", stop=" * A * (S < 9)")), data)
+    assert endless.kind == ended.kind == "proven"
+    assert 1e-12 < endless.error < 1e-8
+    assert endless.low < ended.value < endless.high
+
+
+@pytest.mark.skipif(not OUTSIDE.is_dir(), reason="data of others are not here")
+def test_the_first_transition_of_prey_and_predators():
+    """Wilkinson's path (R package smfsb): of an endless network, its likely states; seconds."""
+    network = Network.from_text("birth: X -> 2 X, 1\neat: X + Y -> 2 Y, 0.005\ndeath: Y -> 0, 0.6")
+    data = PanelData({"X": {"X": 1}, "Y": {"Y": 1}}, [PanelRun([50, 100], [2.0], [[145, 93]])])
+    found = log_likelihood(network, data)
+    assert found.value == pytest.approx(-8.9192055923, abs=1e-9)
+    assert found.kind == "proven"
 
 
 def test_a_wrong_likelihood_would_be_seen():

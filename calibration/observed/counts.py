@@ -1,0 +1,188 @@
+"""Panel data from tables that others wrote: counts at times, or snapshots of independent copies.
+
+The format is described in docs/observed_counts.md. Nothing is repaired or guessed: a row that cannot be is an error
+that says where it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.observed.tables import Table, near, read_table
+from kinetics.markov.panels import PanelData, PanelRun
+from kinetics.markov.panels.observations import Exact, Observation
+from kinetics.network import Model, Network
+from kinetics.runs.event_tables import BETWEEN
+from kinetics.support.arrays import Floats, Ints
+
+WORDS = ("run", "time", "event")
+LONG = ("time", "species", "count")  # titles of a table with one number in each row
+Rows = NDArray[np.intp]
+
+
+def read_counts(
+    model: Model | Network, path: str | Path, observations: Mapping[str, Observation] | None = None
+) -> PanelData:
+    """Counts of species or observables at times; each run starts from its first row, on which all else is conditional.
+
+    path : table (CSV or Parquet) with the columns `time`, one for each species or observable that was counted (an
+        empty cell was not looked at), `run` if there are several, and `event` where the times of some events are
+        exact: a channel, or several that cannot be told apart, between semicolons. Or a long one, with the columns
+        `time`, `species` and `count`
+    observations : column -> how its numbers come from true counts; exact for those not named
+
+    What no column of the first row states starts as in the model. Where a column is not exact, or counts several
+    species, the whole start is that of the model, and the first row is a look like the others.
+
+    ValueError: a table that cannot be read, an unknown column, or a row that cannot be
+    """
+    return _CountsReader(Model.of(model), _wide(read_table(path)), dict(observations or {})).panels()
+
+
+def read_snapshots(
+    model: Model | Network, path: str | Path, observations: Mapping[str, Observation] | None = None
+) -> PanelData:
+    """Counts of independent copies, each seen once: one a row, which starts from the model's counts at time 0.
+
+    path, observations : as for `read_counts`, without `run` and `event`
+
+    ValueError: as of `read_counts`
+    """
+    return _CountsReader(Model.of(model), _wide(read_table(path)), dict(observations or {})).snapshots()
+
+
+@dataclass(frozen=True, eq=False)
+class _CountsReader:
+    """A table of counts as panel data of a model."""
+
+    model: Model
+    table: Table
+    observations: dict[str, Observation]
+
+    def __post_init__(self) -> None:
+        self.table.require("time")
+        known = [*self.model.network.species, *self.model.observables]
+        for title in self.table.columns:
+            if title not in (*WORDS, *known):
+                raise ValueError(
+                    f"{self.table.name}: column {title!r} is neither one of {', '.join(WORDS)} nor a species or an "
+                    f"observable of the network{near(title, [*WORDS, *known])}"
+                )
+        words = [name for name in WORDS if name in known]
+        if words:
+            raise ValueError(f"the network calls something {words[0]!r}, which means something else here: rename it")
+        if not self.titles:
+            raise ValueError(f"{self.table.name} counts nothing; give a column for a species{near('', known)}")
+
+    @property
+    def titles(self) -> list[str]:
+        """Columns that hold counts."""
+        return [title for title in self.table.columns if title not in WORDS]
+
+    @property
+    def columns(self) -> dict[str, Mapping[str, float]]:
+        """What each of them counts."""
+        return {title: self.model.observables.get(title, {title: 1.0}) for title in self.titles}
+
+    def panels(self) -> PanelData:
+        """Runs that are looked at again and again."""
+        events: dict[tuple[str, ...], int] = {}
+        fired = np.array([self.event(row, events) for row in range(len(self.table))], dtype=np.int64)
+        names = self.table.columns.get("run", np.array([""] * len(self.table)))
+        runs = []
+        for name in dict.fromkeys(names.tolist()):
+            rows = np.flatnonzero(names == name)
+            times, seen = self.table.numbers("time", rows), self.numbers(rows)
+            initial, is_start = self.start(int(rows[0]), seen[0])
+            if is_start and rows.size == 1:
+                continue  # a start after which nothing was seen says nothing
+            if is_start and times[1] == times[0]:
+                raise ValueError(f"{self.table.where(int(rows[1]))}: a second row at time {times[1]:g}")
+            if is_start and fired[rows[0]] >= 0:
+                raise ValueError(
+                    f"{self.table.where(int(rows[0]))}: an event in the first row of a run; it starts there"
+                )
+            kept = slice(1, None) if is_start else slice(None)
+            where = [self.table.where(row) for row in rows[kept].tolist()]
+            runs.append(PanelRun(initial, times[kept], seen[kept], float(times[0]), fired[rows][kept], where))
+        if not runs:
+            raise ValueError(f"{self.table.name}: every run has one row, its start, and nothing is seen after it")
+        return PanelData(self.columns, runs, self.observations, list(events))
+
+    def snapshots(self) -> PanelData:
+        """Copies that are looked at once."""
+        for word in ("run", "event"):
+            if word in self.table.columns:
+                raise ValueError(f"{self.table.name}: a column {word!r} in snapshots, each of which is a row; leave it")
+        rows = np.arange(len(self.table))
+        times, seen = self.table.numbers("time", rows), self.numbers(rows)
+        if (times < 0).any():
+            raise ValueError(f"{self.table.where(int((times < 0).argmax()))}: a snapshot before time 0, the start")
+        initial = self.model.initial
+        runs = [PanelRun(initial, times[[i]], seen[[i]], where=[self.table.where(i)]) for i in rows.tolist()]
+        return PanelData(self.columns, runs, self.observations)
+
+    def numbers(self, rows: Rows) -> Floats:
+        """What each column says (n, C); nan for an empty cell."""
+        return np.column_stack([self.table.numbers(title, rows, may_be_empty=True) for title in self.titles])
+
+    def start(self, row: int, seen: Floats) -> tuple[Ints, bool]:
+        """Counts (S,) at the first row of a run, and whether that row states them."""
+        initial = np.array(self.model.initial)
+        known = zip(self.titles, seen.tolist(), strict=True)
+        if any(
+            title in self.model.observables or not isinstance(self.observations.get(title, Exact()), Exact)
+            for title in self.titles
+        ):
+            return initial, False
+        for title, value in known:
+            if np.isnan(value):
+                continue
+            if value < 0 or value != int(value):
+                raise ValueError(
+                    f"{self.table.where(row)}: {value:g} copies of {title}; expected a whole number, 0 or more"
+                )
+            initial[self.model.network.index(title)] = int(value)
+        return initial, True
+
+    def event(self, row: int, events: dict[tuple[str, ...], int]) -> int:
+        """The place among `events` of the one in a row, which it joins; -1 if there is none."""
+        cell = self.table.columns["event"][row] if "event" in self.table.columns else ""
+        if not cell:
+            return -1
+        places = self.model.network.channel_places
+        names = tuple(name.strip() for name in cell.split(BETWEEN) if name.strip())
+        for name in names:
+            if name not in places:
+                raise ValueError(f"{self.table.where(row)}: unknown channel {name!r}{near(name, list(places))}")
+        return events.setdefault(names, len(events))
+
+
+def _wide(table: Table) -> Table:
+    """The table with a column for each species, where it is a long one."""
+    if not {"species", "count"} <= set(table.columns):
+        return table
+    extra = set(table.columns) - {*LONG, "run"}
+    if extra:
+        raise ValueError(f"{table.name}: column {min(extra)!r} in a long table, which has run, time, species and count")
+    table.require(*LONG)
+    runs = table.columns.get("run", np.array([""] * len(table)))
+    keys = list(zip(runs.tolist(), table.columns["time"].tolist(), strict=True))
+    places = {key: place for place, key in enumerate(dict.fromkeys(keys))}
+    names = list(dict.fromkeys(table.columns["species"].tolist()))
+    cells = {name: np.array([""] * len(places), dtype=object) for name in names}
+    lines = np.zeros(len(places), dtype=np.int64)
+    for row, (key, name) in enumerate(zip(keys, table.columns["species"].tolist(), strict=True)):
+        if cells[name][places[key]]:
+            raise ValueError(f"{table.where(row)}: a second count of {name} at time {key[1]}")
+        cells[name][places[key]] = table.columns["count"][row]
+        lines[places[key]] = table.lines[row]
+    first = np.array([list(places)[place][0] for place in range(len(places))], dtype=object)
+    times = np.array([key[1] for key in places], dtype=object)
+    head = {"run": first} if "run" in table.columns else {}
+    return Table(table.name, {**head, "time": times, **cells}, lines)
