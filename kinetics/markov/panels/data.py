@@ -27,6 +27,11 @@ class PanelRun:
     where : (n,) what names each look in an error; None: its time does
 
     ValueError: times that do not rise, or shapes that do not fit
+
+    >>> from kinetics.markov.panels import PanelRun
+    >>> run = PanelRun([10, 0], times=[0.5, 2.0], seen=[[7], [3]])  # one column, two looks
+    >>> run.times.tolist(), run.fired.tolist(), run.named(1)
+    ([0.5, 2.0], [-1, -1], 'time 2')
     """
 
     initial: Ints

@@ -149,8 +149,8 @@ class PanelLikelihood:
 
     def _structure(self, network: Network) -> _Structure:
         """What does not depend on the rates but for which of them are 0; of rate laws, on no change of a parameter."""
-        rates = network.known_rates
-        key = tuple(network.parameters.values()) if network.laws else tuple((rates > 0).astype(float).tolist())
+        happens = (network.known_rates > 0).astype(float).tolist()
+        key = (*happens, *(network.parameters.values() if network.laws else ()))
         if key not in self._known:
             self._known.clear()
             self._known[key] = _Structure(network, self.data, self.max_states)

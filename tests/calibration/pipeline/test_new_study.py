@@ -47,7 +47,7 @@ LARGE = ("--cubes", "60", "--held-out", "40", "--along", "200", "--duration", "2
 def run(*words, code=0):
     found = CliRunner().invoke(main, [str(word) for word in words])
     assert found.exit_code == code, found.output
-    return found.output
+    return found.stdout or found.stderr  # forecasts of slow work are on standard error, too
 
 
 def made_in(parent, shape, options, hours):

@@ -15,6 +15,10 @@ class Observation(ABC):
     name : in tables, commands and files
     is_certified : whether `weights` have no error
     most : the largest value of the parameter
+
+    >>> from kinetics.markov.panels.observations import OBSERVATIONS
+    >>> [each.name for each in OBSERVATIONS]
+    ['exact', 'detected', 'rounded', 'gaussian']
     """
 
     name: ClassVar[str]
