@@ -183,8 +183,8 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
     With data of others no runs are made. `calibrate MODEL --events FILE` reads every event with its time: rates are
     events over exposure, as from mechanics. `--counts FILE` reads counts at some times, with nothing known of what
     happened in between, and `--snapshots FILE` independent copies that were counted once each: parameters of largest
-    likelihood, which is computed with a proven bound, and profile-likelihood intervals. A parameter that the data
-    cannot tell is null. See docs/your_data.md.
+    likelihood, and profile-likelihood intervals. The log-likelihood comes with a bound, which is proven where counts
+    are exact or rounded. A parameter that the data cannot tell is null. See docs/your_data.md.
     """
 
     if how["breaks"] not in (None, "auto"):

@@ -80,7 +80,6 @@ def fit_parameters(
 
     scored : the log-likelihood and its gradient by the logarithms of the parameters; ValueError where it is 0
     start : (P,) values to begin with, above 0; further starts are scattered around them by a factor of about 5
-
     most : (P,) the largest values, such as 1 of a probability; None: there are none
 
     ValueError: the likelihood is 0 at all starts

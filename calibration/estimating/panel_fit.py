@@ -1,4 +1,4 @@
-"""Parameters of a model from panel data: maximum likelihood with proven likelihoods and exact gradients."""
+"""Parameters of a model from panel data, by maximum likelihood."""
 
 from __future__ import annotations
 

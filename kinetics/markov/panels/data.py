@@ -119,7 +119,7 @@ class PanelData:
         return table
 
     def with_observed(self, **parameters: float) -> PanelData:
-        """The same data, observed with other values of the parameters of these columns."""
+        """These data, with other parameters in the observation models of some columns: `with_observed(A=0.7)`."""
         changed: dict[str, Any] = dict(self.observations)
         for name, value in parameters.items():
             changed[name] = changed[name].with_parameter(value)

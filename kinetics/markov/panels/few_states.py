@@ -223,7 +223,7 @@ class FewPass:
             is_known = np.array([known[look][run] for look in looks])
             error += amplified(np.full(len(looks), left), chances_of_run, is_known)
         if not error < inf:
-            self.is_certified, error = False, len(seen) * self._wrong
+            self.is_certified, error = False, self._data.looks * self._wrong
         return before, seen, total, error
 
     @cached_property

@@ -1,4 +1,6 @@
-"""The exact likelihood of counts seen at some times, with proven bounds, and its gradient by all parameters.
+"""The likelihood of counts seen at some times, with bounds, and its gradient by all parameters.
+
+The bounds are proven where counts are exact or rounded and the state is known often enough (`amplified`).
 
 With a the probabilities of the states after one look, the next look has the probability a E D 1: E is the transition
 matrix of the time between them, by uniformisation, and D has the probability of what is seen in each state on its
@@ -297,7 +299,7 @@ class _Pass:
 
 
 def log_likelihood(model: Model | Network, data: PanelData) -> Answer:
-    """The logarithm of the probability of panel data, with proven bounds; see `PanelLikelihood`.
+    """The logarithm of the probability of panel data, with bounds; see `PanelLikelihood`.
 
     >>> from kinetics import Network
     >>> from kinetics.markov.panels import PanelData, PanelRun, log_likelihood

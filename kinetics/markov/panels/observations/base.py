@@ -31,7 +31,7 @@ class Observation(ABC):
         return None
 
     def with_parameter(self, value: float) -> Observation:  # noqa: ARG002
-        """The same kind of observation with another value of its parameter."""
+        """This observation model with another parameter."""
         raise ValueError(f"an observation that is {self.name} has no parameter")
 
     @abstractmethod

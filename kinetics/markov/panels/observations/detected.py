@@ -57,7 +57,7 @@ class Detected(Observation):
         return np.asarray(np.where(missed >= 0, found, 0.0))
 
     def slopes(self, counts: Floats, seen: float) -> Floats:
-        """Those of the binomial probabilities by p; one-sided at p = 1."""
+        """Derivatives (N,) of the binomial probabilities by p; at p = 1 from below."""
         if self.p == 1.0:
             return np.where(counts == seen, seen, 0.0) - np.where(counts == seen + 1, seen + 1.0, 0.0)
         return self.weights(counts, seen) * (seen / self.p - (counts - seen) / (1.0 - self.p))

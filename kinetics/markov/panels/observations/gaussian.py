@@ -49,6 +49,6 @@ class Gaussian(Observation):
         return np.asarray(np.exp(-0.5 * away**2) / (self.sd * sqrt(2.0 * pi)))
 
     def slopes(self, counts: Floats, seen: float) -> Floats:
-        """Those of the densities by the standard deviation."""
+        """Derivatives (N,) of the densities by the standard deviation."""
         away = (seen - counts) / self.sd
         return self.weights(counts, seen) * (away**2 - 1.0) / self.sd
