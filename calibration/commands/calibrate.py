@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from math import isnan
 from typing import Any
 
 import click
@@ -36,7 +35,7 @@ from kinetics.rates.breaks import break_model
 from kinetics.rates.crowding import crowding_model
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option, default_option
-from kinetics.support.cli.options import HEADING, NumbersCommand, echo_json, heading, json_option
+from kinetics.support.cli.options import HEADING, NumbersCommand, echo_json, heading, json_option, values_of
 from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, or_study_folder
 from kinetics.support.families import member_named
 from mechsim.commands.options import run_options
@@ -138,7 +137,14 @@ def _data_option(kind: str, text: str) -> Decorator:
     "channels where there are none]",
 )
 @count_option("--starts", default=3, help="For counts: how often the search for the maximum begins.")
-@click.option("--fix", "fixed", metavar="NAME=VALUE", multiple=True, help="For counts: a parameter that is known.")
+@click.option(
+    "--fix",
+    "fixed",
+    metavar="NAME=VALUE",
+    multiple=True,
+    callback=values_of,
+    help="For counts: a parameter that is known.",
+)
 @click.option(
     "--observe",
     "observed",
@@ -245,30 +251,17 @@ def from_counts(kind: str, source: str, out: str, as_json: bool, how: dict[str, 
     read_as = read_counts if kind == "counts" else read_snapshots
     model, table = read(source), how[kind]
     data = read_as(model, table, dict(_observed(each) for each in how["observed"]))
-    fixed = dict(_assigned("--fix", each) for each in how["fixed"])
     study = PanelStudy(
         source,
         kind,
         table,
-        fit_panel(model, data, how["free"] or None, fixed=fixed, starts=how["starts"], seed=how["seed"]),
+        fit_panel(model, data, how["free"] or None, fixed=how["fixed"], starts=how["starts"], seed=how["seed"]),
     )
     study.save(out)
     if as_json:
         echo_json(study.to_dict() | {"out": out, "seed": how["seed"]})
     else:
         click.echo(f"{study}\nparameters written to {out}")
-
-
-def _assigned(option: str, text: str) -> tuple[str, float]:
-    """Name and value of NAME=VALUE."""
-    name, equals, value = text.rpartition("=")
-    try:
-        number = float(value)
-    except ValueError:
-        number = float("nan")
-    if not (name and equals) or isnan(number):
-        raise ValueError(f"{option} {text}: expected NAME=VALUE, such as {option} k=0.5")
-    return name, number
 
 
 def _observed(text: str) -> tuple[str, Observation]:
@@ -280,7 +273,10 @@ def _observed(text: str) -> tuple[str, Observation]:
     model: Any = member_named(kind, OBSERVATIONS, "observation model")
     if (number == "") is not (len(fields(model)) == 0):
         raise ValueError(f"--observe {text}: {kind} takes {'a number, as in detected:0.7' if not number else 'none'}")
-    return name, model(_assigned("--observe", f"{name}={number}")[1]) if number else model()
+    try:
+        return name, model(*map(float, number.split()))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"--observe {text}: {error}") from None
 
 
 def observed(source: str, how: dict[str, Any]) -> CalibrationStudy:

@@ -199,13 +199,14 @@ def counts_of(text: str) -> dict[str, int]:
     return counts
 
 
-def _values(_ctx: click.Context, _param: click.Parameter, given: tuple[str, ...]) -> dict[str, float]:
+def values_of(_ctx: click.Context, param: click.Parameter, given: tuple[str, ...]) -> dict[str, float]:
     """`("k1=2e-3", "k2=5")` as numbers by name."""
     values: dict[str, float] = {}
     for text in given:
         name, _, number = (part.strip() for part in text.rpartition("="))
         if not name or not _is_number(number) or name in values:
-            raise ValueError(f"--set {text}; expected a name and a number, once a name, as in --set k1=2e-3")
+            option = param.opts[0]
+            raise ValueError(f"{option} {text}; expected a name and a number, once a name, as in {option} k1=2e-3")
         values[name] = float(number)
     return values
 
@@ -285,7 +286,7 @@ def model_options(command: Callable[..., None]) -> Any:
             "chosen",
             metavar="NAME=VALUE",
             multiple=True,
-            callback=_values,
+            callback=values_of,
             help="Set a parameter to this value; may be repeated.",
         ),
         heading(FILES),

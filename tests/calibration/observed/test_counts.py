@@ -11,7 +11,7 @@ from calibration.observed.counts import read_counts, read_snapshots
 from kinetics import Model, Network, simulate
 from kinetics.markov.panels import PanelData, PanelRun
 from kinetics.markov.panels.observations import Detected
-from tests.kinetics.markov.panels.test_likelihood import EYAM
+from tests.kinetics.markov.panels.test_published import EYAM
 
 EPIDEMIC = "infect: S + I -> 2 I, beta\nremove: I -> R, alpha\nbeta = 0.02\nalpha = 3\nS = 254\nI = 7\n"
 TABLE = "time,S,I\n" + "".join(f"{time},{s},{i}\n" for time, s, i in EYAM)
@@ -203,13 +203,17 @@ def test_the_command_with_what_is_known(wellmixed_here, place):
         (["--counts", "counts.csv", "--runs", 3], "--runs applies to mechanics runs, and --counts makes none"),
         (["--counts", "counts.csv", "--tank", 1, 1, 1], "--tank is for --events, not for counts"),
         (["--counts", "counts.csv", "--report", "a.html"], "--report is for calibrate channels and --events"),
-        (["--counts", "counts.csv", "--fix", "alpha"], "--fix alpha: expected NAME=VALUE"),
-        (["--counts", "counts.csv", "--fix", "alpha=x"], "--fix alpha=x: expected NAME=VALUE"),
+        (["--counts", "counts.csv", "--fix", "alpha"], "--fix alpha; expected a name and a number"),
+        (
+            ["--counts", "counts.csv", "--fix", "alpha=x"],
+            "--fix alpha=x; expected a name and a number, once a name, as in --fix k1=2e-3",
+        ),
         (
             ["--counts", "counts.csv", "--observe", "I=seen:1"],
             "unknown observation model 'seen'; expected one of exact",
         ),
         (["--counts", "counts.csv", "--observe", "I=detected"], "detected takes a number"),
+        (["--counts", "counts.csv", "--observe", "I=detected:x"], "--observe I=detected:x: could not convert"),
         (["--counts", "counts.csv", "--observe", "I=detected:0"], "p = 0; expected a probability above 0"),
         (["--counts", "counts.csv", "--observe", "Z=detected:0.5"], "no column 'Z'"),
         (["--counts", "counts.csv", "--free", "gamma"], "unknown parameter 'gamma'"),
