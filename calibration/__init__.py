@@ -23,16 +23,26 @@ if TYPE_CHECKING:
     from calibration.estimating.exposure import Exposure as Exposure
     from calibration.estimating.exposure import count as count
     from calibration.estimating.exposure import pooled as pooled
+    from calibration.estimating.model_fit import ModelFit as ModelFit
+    from calibration.estimating.model_fit import compare_models as compare_models
+    from calibration.estimating.model_fit import fit_model as fit_model
     from calibration.estimating.models import RATE_MODELS as RATE_MODELS
     from calibration.estimating.models import Crowded as Crowded
     from calibration.estimating.models import MassActionRates as MassActionRates
     from calibration.estimating.models import Weibull as Weibull
     from calibration.estimating.net_path import net_path as net_path
+    from calibration.estimating.posterior_sampling import sample_posterior as sample_posterior
+    from calibration.estimating.priors import LogNormalPrior as LogNormalPrior
     from calibration.estimating.rate_fit import LikelihoodRatio as LikelihoodRatio
     from calibration.estimating.rate_fit import RateFit as RateFit
     from calibration.estimating.rate_fit import compare_fits as compare_fits
     from calibration.estimating.rate_fit import fit_rates as fit_rates
     from calibration.estimating.rate_model import RateModel as RateModel
+    from calibration.estimating.residuals import Residuals as Residuals
+    from calibration.estimating.residuals import quantile_residuals as quantile_residuals
+    from calibration.observed.kinds.counts import Counts as Counts
+    from calibration.observed.kinds.events import Events as Events
+    from calibration.observed.kinds.snapshots import Snapshots as Snapshots
     from calibration.reporting.report import Chart as Chart
     from calibration.reporting.report import Fold as Fold
     from calibration.reporting.report import Heading as Heading

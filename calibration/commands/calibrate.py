@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Any
 
 import click
 
+from calibration.commands.from_data import COUNTED, FITTED, KINDS, data_options, fit_data, is_fit
 from calibration.commands.shared import (
-    Decorator,
     given_options,
     leave,
     out_option,
@@ -19,46 +18,39 @@ from calibration.commands.shared import (
     time_option,
 )
 from calibration.commands.tables import breaks_table, class_rates_table, rates_table
-from calibration.estimating.panel_fit import fit_panel
 from calibration.estimating.study import CalibrationStudy, ClassStudy
-from calibration.observed.counts import read_counts, read_snapshots
-from calibration.observed.panel_study import PanelStudy
 from calibration.observed.study import observed_study
 from calibration.pipeline.calibration_study import check_measurable, run_calibration, run_class_calibration
 from calibration.pipeline.study_runs import StudyRuns
 from calibration.reporting.overview import calibration_report
 from kinetics.commands.models import is_network_file, network_of_book
 from kinetics.formats import read
-from kinetics.markov.panels.observations import OBSERVATIONS, Observation
 from kinetics.network import Tank
 from kinetics.rates.breaks import break_model
 from kinetics.rates.crowding import crowding_model
 from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option, default_option
-from kinetics.support.cli.options import HEADING, NumbersCommand, echo_json, heading, json_option, values_of
+from kinetics.support.cli.options import HEADING, NumbersCommand, echo_json, heading, json_option
 from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, or_study_folder
-from kinetics.support.families import member_named
 from mechsim.commands.options import run_options
 from mechsim.runs.record import book_of
 
 MODES = ("channels", "classes")
-DATA = ("events", "counts", "snapshots")
+DATA = tuple(KINDS)
 # Options that mean something in some modes only
 MODES_OF = {
     "group_by": ("classes",),
     "run_table": ("events",),
     "tank": ("events",),
-    "report": ("channels", "events"),
+    "report": ("channels", *DATA),
     "crowding": ("channels",),
-    "fixed": ("counts", "snapshots"),
-    "free": ("counts", "snapshots"),
-    "observed": ("counts", "snapshots"),
-    "starts": ("counts", "snapshots"),
+    "observed": COUNTED,
+    **dict.fromkeys(FITTED, DATA),
 }
 # Options that mean something where no runs are made
-OF_DATA = {"words", "out", "as_json", *DATA}
-OF_EVENTS = OF_DATA | {"cubes", "report", "run_table", "tank", "breaks"}
-OF_COUNTS = OF_DATA | {"fixed", "free", "observed", "seed", "starts"}
+OF_DATA = {"words", "out", "as_json", "report", "seed", *DATA, *FITTED}
+OF_EVENTS = OF_DATA | {"cubes", "run_table", "tank", "breaks"}
+OF_COUNTS = OF_DATA | {"observed"}
 FILES = or_study_folder(PLAN, {"runs_folder": RUNS, "out": RATES, "report": "calibration.html"})
 
 
@@ -76,12 +68,6 @@ def _words(ctx: click.Context, param: click.Parameter, words: tuple[str, ...]) -
         told = f"expected {' '.join(filter(None, asked))}{f' --{mode} FILE' if kinds else ''}; {' '.join(words)} came"
         raise click.UsageError(told, ctx)
     return (mode, *sources)
-
-
-def _data_option(kind: str, text: str) -> Decorator:
-    return click.option(
-        f"--{kind}", metavar="FILE", type=click.Path(exists=True, dir_okay=False), is_eager=True, help=text
-    )
 
 
 @click.command(cls=NumbersCommand)
@@ -125,44 +111,8 @@ def _data_option(kind: str, text: str) -> Decorator:
     help="What classes must have in common to share one constant: the event (join or break), also the number of "
     "cubes touched, also the faces, or also the sizes. With auto the runs choose, for joins and for breaks.",
 )
-@heading("For data of others: MODEL is a network file, or for events also a rule book")
-@_data_option("events", "Table of events (CSV or Parquet): run, time and channel, see docs/observed_events.md.")
-@_data_option("counts", "Table of counts at times: time and a column for each species, see docs/your_data.md.")
-@_data_option("snapshots", "Table of independent copies, each counted once: time since the start, and counts.")
-@click.option(
-    "--free",
-    metavar="NAME",
-    multiple=True,
-    help="For counts: a parameter, channel or observed column to be estimated.  [default: all parameters, or all "
-    "channels where there are none]",
-)
-@count_option("--starts", default=3, help="For counts: how often the search for the maximum begins.")
-@click.option(
-    "--fix",
-    "fixed",
-    metavar="NAME=VALUE",
-    multiple=True,
-    callback=values_of,
-    help="For counts: a parameter that is known.",
-)
-@click.option(
-    "--observe",
-    "observed",
-    metavar="COLUMN=MODEL:NUMBER",
-    multiple=True,
-    help="For counts: how the numbers of a column come from true counts: detected:0.7 (each copy is seen with this "
-    "probability), rounded:5 (half the width), gaussian:2 (standard deviation).  [default: exact]",
-)
-@click.option(
-    "--tank", metavar="X Y Z", type=float, nargs=3, help="Edge lengths of the tank in which the runs were observed."
-)
-@click.option(
-    "--run-table",
-    metavar="FILE",
-    type=click.Path(exists=True, dir_okay=False),
-    help="Table of the runs: run, start, end and a column for each species with its initial count. Without it, the "
-    "events need rows marked start and end.",
-)
+@heading("For data of others: MODEL is a network file or a rule book")
+@data_options
 @heading("How runs are made")
 @run_options
 @heading(HEADING)
@@ -189,8 +139,10 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
     With data of others no runs are made. `calibrate MODEL --events FILE` reads every event with its time: rates are
     events over exposure, as from mechanics. `--counts FILE` reads counts at some times, with nothing known of what
     happened in between, and `--snapshots FILE` independent copies that were counted once each: parameters of largest
-    likelihood, and profile-likelihood intervals. The log-likelihood comes with a bound, which is proven where counts
-    are exact or rounded. A parameter that the data cannot tell is null. See docs/your_data.md.
+    likelihood, and profile-likelihood intervals; so do events if one of --free, --fix, --bounds, --prior, --per-group,
+    --against or --posterior is given. The log-likelihood comes with a bound, which is proven where counts are exact or
+    rounded. A parameter that the data cannot tell is null. `predict MODEL --rates FILE` takes what is written, with its
+    uncertainty. See docs/your_data.md.
     """
 
     if how["breaks"] not in (None, "auto"):
@@ -199,9 +151,9 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
         crowding_model(how["crowding"])
     mode, *sources = words
     study: CalibrationStudy | ClassStudy
-    if mode in ("counts", "snapshots"):
+    if mode in DATA and is_fit(mode, given_options()):
         refuse_for(mode)
-        from_counts(mode, sources[0], out, as_json, how)
+        fit_data(mode, sources[0], out, report, as_json, how | {"cubes_given": "cubes" in given_options()})
         return
     if mode == "events":
         refuse_for(mode)
@@ -241,42 +193,6 @@ def refuse_for(mode: str) -> None:
 
 def _named(mode: str) -> str:
     return f"--{mode}" if mode in DATA else f"calibrate {mode}"
-
-
-def from_counts(kind: str, source: str, out: str, as_json: bool, how: dict[str, Any]) -> None:
-    """Fit the parameters of a network file to counts at times, or to snapshots; write and show them."""
-
-    if not is_network_file(source):
-        raise ValueError(f"{source}: --{kind} needs a network file, such as .rxn, .net or SBML; this is a rule book")
-    read_as = read_counts if kind == "counts" else read_snapshots
-    model, table = read(source), how[kind]
-    data = read_as(model, table, dict(_observed(each) for each in how["observed"]))
-    study = PanelStudy(
-        source,
-        kind,
-        table,
-        fit_panel(model, data, how["free"] or None, fixed=how["fixed"], starts=how["starts"], seed=how["seed"]),
-    )
-    study.save(out)
-    if as_json:
-        echo_json(study.to_dict() | {"out": out, "seed": how["seed"]})
-    else:
-        click.echo(f"{study}\nparameters written to {out}")
-
-
-def _observed(text: str) -> tuple[str, Observation]:
-    """Column and observation of COLUMN=MODEL:NUMBER."""
-    name, _, said = text.rpartition("=")
-    kind, _, number = said.partition(":")
-    if not name:
-        raise ValueError(f"--observe {text}: expected COLUMN=MODEL:NUMBER, such as --observe A=detected:0.7")
-    model: Any = member_named(kind, OBSERVATIONS, "observation model")
-    if (number == "") is not (len(fields(model)) == 0):
-        raise ValueError(f"--observe {text}: {kind} takes {'a number, as in detected:0.7' if not number else 'none'}")
-    try:
-        return name, model(*map(float, number.split()))
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"--observe {text}: {error}") from None
 
 
 def observed(source: str, how: dict[str, Any]) -> CalibrationStudy:

@@ -39,9 +39,12 @@ class ParameterFit:
 
     value, low, high : (P,); an end that the data cannot tell is 0 or inf, and a value that they cannot tell is nan
     log_likelihood : at the estimates
-    covariance : (P, P) of the logarithms, from the curvature there; None where that is not positive
+    covariance : (P, P) of the logarithms, from the curvature there; None if that is not positive, or an estimate is at
+        the end of its range
     gradient : (P,) by the logarithms, at the estimates
     evaluations : of the likelihood
+    at : (P,) where the search ended; the estimates, but for those that the data cannot tell
+    least, most : (P,) the range of each parameter
     notes : on flat profiles, other optima, and searches that did not converge
     """
 
@@ -53,6 +56,9 @@ class ParameterFit:
     covariance: Floats | None
     gradient: Floats
     evaluations: int
+    at: Floats
+    least: Floats
+    most: Floats
     notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -72,6 +78,7 @@ def fit_parameters(
     names: Sequence[str],
     start: Floats,
     *,
+    least: Floats | None = None,
     most: Floats | None = None,
     starts: int = 3,
     seed: int = 0,
@@ -80,7 +87,7 @@ def fit_parameters(
 
     scored : the log-likelihood and its gradient by the logarithms of the parameters; ValueError where it is 0
     start : (P,) values to begin with, above 0; further starts are scattered around them by a factor of about 5
-    most : (P,) the largest values, such as 1 of a probability; None: there are none
+    least, most : (P,) smallest and largest values, such as 1 of a probability; None: there are none
 
     ValueError: the likelihood is 0 at all starts
 
@@ -93,23 +100,25 @@ def fit_parameters(
     >>> found.value.round(6).tolist(), found.low.round(4).tolist(), found.high.round(4).tolist()
     ([0.333333], [0.2078], [0.5015])
     """
+    smallest = np.zeros(len(names)) if least is None else np.asarray(least, dtype=float)
     largest = np.full(len(names), np.inf) if most is None else np.asarray(most, dtype=float)
-    search = _Search(scored, tuple(names), np.log(largest))
+    with np.errstate(divide="ignore"):
+        search = _Search(scored, tuple(names), np.log(smallest), np.log(largest))
     return search.fit(np.log(np.asarray(start, dtype=float)), starts, np.random.default_rng(seed))
 
 
 class _Search:
     """A maximum and its surroundings."""
 
-    def __init__(self, scored: Scored, names: tuple[str, ...], most: Floats) -> None:
-        self._scored, self._names, self._most = scored, names, most
+    def __init__(self, scored: Scored, names: tuple[str, ...], least: Floats, most: Floats) -> None:
+        self._scored, self._names, self._least, self._most = scored, names, least, most
         self._evaluations = 0
         self._notes: list[str] = []
 
     def _at(self, logs: Floats) -> tuple[float, Floats]:
         """Log-likelihood and gradient; -inf where the likelihood is 0."""
         self._evaluations += 1
-        if not (np.abs(logs) < 600.0).all() or (logs > self._most).any():
+        if not (np.abs(logs) < 600.0).all() or (logs > self._most).any() or (logs < self._least).any():
             return -np.inf, np.zeros(logs.size)
         try:
             return self._scored(logs)
@@ -123,7 +132,7 @@ class _Search:
         found = []
         for k in range(starts):
             begin = start if k == 0 else start + SCATTER * rng.standard_normal(start.size)
-            begin = np.minimum(begin, self._most)
+            begin = np.clip(begin, self._least, self._most)
             stage(f"fit from start {k + 1} of {starts}", 0.3 * k / starts)
             if np.isfinite(self._at(begin)[0]):
                 found.append(self._maximum(begin))
@@ -132,13 +141,10 @@ class _Search:
         if others:
             self._notes.append(f"{others} of {starts} starts ended at a lower maximum")
         gradient, hessian = self._at(best)[1], self._hessian(best)
-        curvature = np.linalg.eigvalsh(-hessian)
-        covariance = (
-            np.asarray(np.linalg.inv(-hessian), dtype=np.float64)
-            if curvature[0] > 1e-9 * max(curvature[-1], 1e-9)
-            else None
-        )
-        if covariance is not None and (best < self._most).all() and 0.5 * gradient @ covariance @ gradient > AT_TOP:
+        curvature, covariance = np.linalg.eigvalsh(-hessian), None
+        if curvature[0] > 1e-9 * max(curvature[-1], 1e-9) and (self._least < best).all() and (best < self._most).all():
+            covariance = np.asarray(np.linalg.inv(-hessian), dtype=np.float64)
+        if covariance is not None and 0.5 * gradient @ covariance @ gradient > AT_TOP:
             self._notes.append("the search ended where the likelihood still rises; try other starts")
         low, high = np.zeros(start.size), np.full(start.size, np.inf)
         estimate = np.exp(best)
@@ -153,8 +159,9 @@ class _Search:
                 said = "from below" if ends[0] is None else "from above"
                 self._notes.append(f"the data do not bound {self._names[p]} {said}")
         return ParameterFit(
-            self._names, estimate, low, high, value, covariance, gradient, self._evaluations, tuple(self._notes)
-        )
+            self._names, estimate, low, high, value, covariance, gradient, self._evaluations,
+            np.exp(best), np.exp(self._least), np.exp(self._most), tuple(self._notes),
+        )  # fmt: skip
 
     def _maximum(self, begin: Floats, held: int | None = None) -> tuple[Floats, float]:
         """Where the likelihood is largest, with one parameter held; and that likelihood."""
@@ -176,7 +183,8 @@ class _Search:
 
         best, value = begin.copy(), -np.inf
         for _ in range(ROUNDS):
-            box = [(x - LONGEST, min(x + LONGEST, top)) for x, top in zip(best[free], self._most[free], strict=True)]
+            near, far = np.maximum(best - LONGEST, self._least)[free], np.minimum(best + LONGEST, self._most)[free]
+            box = list(zip(near.tolist(), far.tolist(), strict=True))
             found = optimize.minimize(downhill, best[free], jac=True, method="L-BFGS-B", bounds=box, options=OPTIONS)
             best[free], gained, value = found.x, -float(found.fun) - value, -float(found.fun)
             if gained < SETTLED or (np.abs(best - begin) > FARTHEST).any():
@@ -190,7 +198,7 @@ class _Search:
             step = np.zeros(at.size)
             step[p] = DIFFERENCE
             above = at if (at + step > self._most).any() else at + step
-            below = at - step
+            below = at if (at - step < self._least).any() else at - step
             rows.append((self._at(above)[1] - self._at(below)[1]) / (above[p] - below[p]))
         table = np.array(rows)
         return np.asarray(0.5 * (table + table.T), dtype=np.float64)
@@ -247,12 +255,13 @@ class _Search:
             return self._maximum(held, p)
 
         while outside is None:
-            at = min(best[p] + side * length, float(self._most[p]))
+            end = float((self._least if side < 0 else self._most)[p])
+            at = float(np.clip(best[p] + side * length, self._least[p], self._most[p]))
             there, value = profile(at, near)
             if value < top - FALL:
                 outside = at
-            elif at == self._most[p]:
-                return float(at)
+            elif at == end:
+                return end
             elif length >= FARTHEST:
                 return None
             else:

@@ -1,6 +1,6 @@
 """Panel data from tables that others wrote: counts at times, or snapshots of independent copies.
 
-The format is described in docs/observed_counts.md. Nothing is repaired or guessed: a row that cannot be is an error
+The format is described in docs/your_data.md. Nothing is repaired or guessed: a row that cannot be is an error
 that says where it stands.
 """
 
@@ -26,7 +26,7 @@ Rows = NDArray[np.intp]
 
 
 def read_counts(
-    model: Model | Network, path: str | Path, observations: Mapping[str, Observation] | None = None
+    model: Model | Network, path: str | Path | Table, observations: Mapping[str, Observation] | None = None
 ) -> PanelData:
     """Counts of species or observables at times; each run starts from its first row, on which all else is conditional.
 
@@ -45,7 +45,7 @@ def read_counts(
 
 
 def read_snapshots(
-    model: Model | Network, path: str | Path, observations: Mapping[str, Observation] | None = None
+    model: Model | Network, path: str | Path | Table, observations: Mapping[str, Observation] | None = None
 ) -> PanelData:
     """Counts of independent copies, each seen once: one a row, which starts from the model's counts at time 0.
 

@@ -6,7 +6,8 @@ guessed: a row that cannot be, or that could be two things, is an error that say
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -15,10 +16,11 @@ from numpy.typing import NDArray
 
 from calibration.observed.tables import Table, read_table
 from calibration.observed.windows import Given, ObservationWindow, windows_of_rows, windows_of_table
+from kinetics.markov.panels import EventData
 from kinetics.network import Network, Tank
 from kinetics.rates.breaks import is_break
 from kinetics.runs import BY_SEVERAL, BY_UNKNOWN, BY_WALL, NO_BREAK, RESTART, JumpPath
-from kinetics.runs.event_tables import END, EVENT_COLUMNS, NOTES, RESTARTED, RUN_COLUMNS, START
+from kinetics.runs.event_tables import BETWEEN, END, EVENT_COLUMNS, NOTES, RESTARTED, RUN_COLUMNS, START
 from kinetics.support.arrays import Floats, Ints
 
 Rows = NDArray[np.intp]
@@ -29,7 +31,7 @@ NEAREST = 3  # channels that are shown where none fits
 
 def read_observed(
     network: Network,
-    events: str | Path,
+    events: str | Path | Table,
     runs: str | Path | None = None,
     *,
     cubes: int | None = None,
@@ -39,7 +41,54 @@ def read_observed(
     """The run of each name: from a table of events or counts, and one of runs where no rows are marked start and end.
 
     A run's start is time 0 of its path. cubes, single, tank : as in `Given`
+    ValueError: a table that is wrong, or a row that may be one of several channels; see `read_events` for such rows
     """
+    reader, paths = _read(network, events, runs, cubes=cubes, single=single, tank=tank)
+    for row, names in reader.causes.items():
+        change = network.stoichiometry[network.channel_places[names[0]]]
+        raise ValueError(
+            f"{reader.events.where(row)}, time {reader.events.columns['time'][row]}: {reader.text(change, '+')} may be "
+            f"{' or '.join(names)}; name the one that fired in the column channel, or estimate parameters of the "
+            f"network by --free: where one of several channels fired, their rates add"
+        )
+    return paths
+
+
+def read_events(
+    network: Network,
+    events: str | Path | Table,
+    runs: str | Path | None = None,
+    *,
+    cubes: int | None = None,
+    single: str | None = None,
+    tank: Tank | None = None,
+) -> EventData:
+    """Runs of which every event is known, as `read_observed` reads them; rows may leave open which channel fired.
+
+    A cell of `channel` may name several that change the same counts, between semicolons, and if it is empty, all that
+    fit the change of the counts may have fired.
+    """
+    reader, paths = _read(network, events, runs, cubes=cubes, single=single, tank=tank)
+    causes = {names: place for place, names in enumerate(dict.fromkeys(reader.causes.values()))}
+    which = [
+        np.array(
+            [causes[reader.causes[row]] if row in reader.causes else -1 for row in reader.kept[run]], dtype=np.int64
+        )
+        for run in paths
+    ]
+    return EventData(list(paths.values()), list(causes), which)
+
+
+def _read(
+    network: Network,
+    events: str | Path | Table,
+    runs: str | Path | None,
+    *,
+    cubes: int | None,
+    single: str | None,
+    tank: Tank | None,
+) -> tuple[_Reader, dict[str, JumpPath]]:
+    """The reader of a table and the path of each run."""
     words = {*EVENT_COLUMNS, *NOTES, *RUN_COLUMNS} & set(network.species) | {START, END, RESTARTED} & set(
         network.channels
     )
@@ -61,15 +110,22 @@ def read_observed(
             raise ValueError(
                 f"{table.where(rows[run][0])}: the table of runs does not name this run; add when it started"
             )
-    return {run: reader.path(run, window, rows.get(run, np.zeros(0, np.intp))) for run, window in windows.items()}
+    paths = {run: reader.path(run, window, rows.get(run, np.zeros(0, np.intp))) for run, window in windows.items()}
+    return reader, paths
 
 
 @dataclass(frozen=True, eq=False)
 class _Reader:
-    """Rows of events as paths of the network."""
+    """Rows of events as paths of the network.
+
+    causes : row -> channels one of which fired, where that is all that is known
+    kept : run -> rows that are events
+    """
 
     given: Given
     events: Table
+    causes: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    kept: dict[str, list[int]] = field(default_factory=dict)
 
     @cached_property
     def network(self) -> Network:
@@ -79,13 +135,23 @@ class _Reader:
     def channels(self) -> Ints:
         """Channel of each row, RESTART or UNNAMED; rows of start and end are unnamed too."""
         words = {RESTARTED: RESTART, START: UNNAMED, END: UNNAMED, "": UNNAMED}
-        return np.array(
-            [
-                words[name] if name in words else self.given.channel(name, self.events.where(row), *words)
-                for row, name in enumerate(self.events.columns.get("channel", [""] * len(self.events)))
-            ],
-            dtype=np.int64,
-        )
+        found = []
+        for row, cell in enumerate(self.events.columns.get("channel", [""] * len(self.events))):
+            names = [name.strip() for name in cell.split(BETWEEN) if name.strip()] if cell not in words else [cell]
+            where = self.events.where(row)
+            fired = [words[n] if cell in words else self.given.channel(n, where, *words) for n in names]
+            if len(fired) > 1:
+                self.causes[row] = self.alike(row, fired)
+            found.append(fired[0] if fired else UNNAMED)
+        return np.array(found, dtype=np.int64)
+
+    def alike(self, row: int, channels: Sequence[int]) -> tuple[str, ...]:
+        """Names of channels one of which fired. ValueError: they change different counts"""
+        names = tuple(self.network.channels[channel] for channel in sorted(set(channels)))
+        changes = self.network.stoichiometry[list(channels)]
+        if (changes != changes[0]).any():
+            raise ValueError(f"{self.events.where(row)}: {' or '.join(names)} change different counts; name one")
+        return names
 
     def rows_by_run(self) -> dict[str, Rows]:
         """Rows between start and end, run by run, in the order of the file."""
@@ -110,6 +176,7 @@ class _Reader:
         elif (fired == UNNAMED).any():
             raise ValueError(f"{self.events.where(rows[(fired == UNNAMED).argmax()])}: neither a channel nor counts")
         is_change = fired != UNNAMED
+        self.kept[run] = rows[is_change].tolist()
         try:
             path = JumpPath(
                 self.network,
@@ -220,7 +287,9 @@ class _Reader:
                 f"{self.events.where(row)}: no count changes; that may be {hidden}, or no event: give every species "
                 "that they change a column, or name what fired in the column channel"
             )
-        if len(fitting) == 1:
+        if fitting and (self.network.stoichiometry[fitting] == self.network.stoichiometry[fitting[0]]).all():
+            if len(fitting) > 1:
+                self.causes[row] = self.alike(row, fitting)
             return fitting[0]
         said = f"{self.events.where(row)}, time {self.events.columns['time'][row]}: {self.text(change, '+')}"
         if fitting:

@@ -59,6 +59,14 @@ class Table:
         run = self.columns["run"][row] if "run" in self.columns else ""
         return f"{self.name}, line {self.lines[row]}" + (f", run {run}" if run else "")
 
+    def rows(self, chosen: NDArray[np.intp]) -> Table:
+        """The table with these rows only."""
+        return Table(self.name, {title: cells[chosen] for title, cells in self.columns.items()}, self.lines[chosen])
+
+    def without(self, title: str) -> Table:
+        """The table without a column."""
+        return Table(self.name, {name: cells for name, cells in self.columns.items() if name != title}, self.lines)
+
     def numbers(self, title: str, rows: NDArray[np.intp], may_be_empty: bool = False) -> Floats:
         """Finite numbers (len(rows),) of a column; an empty cell is nan if that is allowed, else an error."""
         cells = self.columns[title][rows]
@@ -90,8 +98,13 @@ class Table:
         return found
 
 
-def read_table(path: str | Path) -> Table:
-    """Read a CSV or Parquet file. ValueError: neither of them, empty, damaged, or of too many cells."""
+def read_table(path: str | Path | Table) -> Table:
+    """Read a CSV or Parquet file; a table is returned as it is.
+
+    ValueError: neither of them, empty, damaged, or of too many cells
+    """
+    if isinstance(path, Table):
+        return path
     file = Path(path)
     if file.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{path}: expected a table whose name ends in {' or '.join(SUFFIXES)}")

@@ -18,6 +18,13 @@ IN_WORDS = {
     "log_score": "log score of runs left out",
     "freedom": "degrees of freedom",
     "p_deviance": "p of the deviance",
+    # fitted parameters
+    "n_free": "free parameters",
+    "p_ratio": "p of the likelihood-ratio test",
+    "p_uniform": "p of the distribution",
+    "p_middle": "p of the mean",
+    "p_spread": "p of the spread",
+    "p_order": "p of neighbours",
     # coarse looks
     "fall": "relative fall of the propensity between two looks",
     "bias": "relative error of the rate, about",

@@ -13,7 +13,7 @@ from kinetics.support.cli.options import ModelOptions, counts_of
 
 if TYPE_CHECKING:
     from kinetics.predicting.observables import Observables
-    from kinetics.rates import BookRates, Rates
+    from kinetics.rates.applied import AppliedRates
 
 CUBES = "cubes"  # the quantity that networks of rule books conserve
 MOST_SHOWN = 30  # species that are shown without being asked for
@@ -31,7 +31,7 @@ def instead_of_many_states(advice: str) -> Iterator[None]:
         raise ValueError(f"{came}. {advice}") from None
 
 
-def described(asked: ModelOptions) -> tuple[Model, Rates | BookRates | None]:
+def described(asked: ModelOptions) -> tuple[Model, AppliedRates | None]:
     """The model, the rates to be applied to it (None: it has its own), and the tank (None: that of the rates).
 
     A rule book is a network without rates and counts, which options must give; a network file has both.
@@ -53,12 +53,24 @@ def described(asked: ModelOptions) -> tuple[Model, Rates | BookRates | None]:
     if (cubes is None) == (asked.initial is None):
         raise ValueError("say what the tank holds at time 0 by either --cubes 60 or --initial monomer=20,dimer=20")
     from kinetics.assembly import RuleBook, derive
-    from kinetics.rates import BookRates, ClassRates, Rates, about_priors, are_by_class
+    from kinetics.rates import (
+        BookRates,
+        ClassRates,
+        FittedParameters,
+        Rates,
+        about_priors,
+        are_by_class,
+        are_fitted,
+    )
 
     by_class = ClassRates.load(rates_name) if are_by_class(rates_name) else None
     derivation = derive(RuleBook.load(source))
     book, network = derivation.book, derivation.network
-    rates = Rates.load(rates_name) if by_class is None else BookRates(by_class, derivation)
+    rates: AppliedRates
+    if by_class is not None:
+        rates = BookRates(by_class, derivation)
+    else:
+        rates = FittedParameters.load(rates_name) if are_fitted(rates_name) else Rates.load(rates_name)
     if cubes is None:
         counts = counts_of(asked.initial or "")
     else:
@@ -74,16 +86,16 @@ def described(asked: ModelOptions) -> tuple[Model, Rates | BookRates | None]:
     return Model(network, network.state(counts), notes=notes, tank=tank), rates
 
 
-def applied(model: Model, rates: Rates | BookRates | None) -> Model:
+def applied(model: Model, rates: AppliedRates | None) -> Model:
     """The model with the rate constants that these rates give it in this tank."""
     return model if rates is None else replace(model, network=rates.apply(model.network, model.tank))
 
 
-def conditions(model: Model, rates: Rates | BookRates | None) -> dict[str, Any]:
+def conditions(model: Model, rates: AppliedRates | None) -> dict[str, Any]:
     """The convention of propensities, the break model and the tank, for JSON; None if that is not known."""
-    from kinetics.rates import Convention
+    from kinetics.rates import BookRates, Convention, Rates
 
-    if rates is None:
+    if not isinstance(rates, Rates | BookRates):
         return {"convention": Convention.of(model.network).as_dict(), "breaks": None, "tank": None}
     breaks, here = rates.breaks, model.tank or rates.measured_in
     return {
@@ -93,7 +105,7 @@ def conditions(model: Model, rates: Rates | BookRates | None) -> dict[str, Any]:
     }
 
 
-def remarks(model: Model, rates: Rates | BookRates | None) -> tuple[str, ...]:
+def remarks(model: Model, rates: AppliedRates | None) -> tuple[str, ...]:
     """How bonds break and in which tank, in a line for people where it applies, and the notes of the model."""
     here = model.tank or (None if rates is None else rates.measured_in)
     if rates is None or (here is None and CUBES not in model.network.conserved):
@@ -153,7 +165,7 @@ def _are_whole(weights: Mapping[str, float]) -> bool:
     return all(weight >= 0 and weight == int(weight) for weight in weights.values())
 
 
-def _from_file(asked: ModelOptions) -> tuple[Model, Rates | None]:
+def _from_file(asked: ModelOptions) -> tuple[Model, AppliedRates | None]:
     """The model of a network file with the counts and parameters that are given, and rates in the place of its own."""
     from kinetics.formats import read
 
@@ -176,14 +188,14 @@ def _from_file(asked: ModelOptions) -> tuple[Model, Rates | None]:
     return replace(model, notes=(*model.notes, *more)), rates
 
 
-def _rates_of(name: str, network: Network) -> Rates:
-    """Rates by channel for the network of a file, in the place of its own."""
-    from kinetics.rates import Rates, are_by_class
+def _rates_of(name: str, network: Network) -> AppliedRates:
+    """Rates by channel, or fitted parameters, for the network of a file, in the place of its own."""
+    from kinetics.rates import FittedParameters, Rates, are_by_class, are_fitted
 
     if are_by_class(name):
         raise ValueError(
             f"{name} holds rates by class, which apply to rule books only; a network file needs rates by channel"
         )
-    rates = Rates.load(name)
+    rates = FittedParameters.load(name) if are_fitted(name) else Rates.load(name)
     _ = rates.apply(network)  # else it is found out after the network has been shown
     return rates

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from kinetics.markov.derivatives import Derivatives
     from kinetics.markov.passage import Passage
     from kinetics.network import Model
-    from kinetics.rates import BookRates, Rates
+    from kinetics.rates.applied import AppliedRates
 
 MOST = 1_000_000  # states
 MOST_EVENTS = 10_000_000  # of a sampled run without a horizon
@@ -244,7 +244,7 @@ def _sensitivities(model: Model, species: Counted, copies: int, found: Passage) 
 
 def _sample(
     asked: ModelOptions,
-    given: tuple[Model, Rates | BookRates | None],
+    given: tuple[Model, AppliedRates | None],
     species: str,
     copies: int,
     numbers: tuple[int, int, float],

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from kinetics.markov import Chain, Sensitivity, sensitivity_to
 from kinetics.network import Model, Network
 from kinetics.predicting.over_draws import DrawMeans
-from kinetics.rates import BookRates, Rates, RatesPosterior
+from kinetics.rates.applied import AppliedRates
+from kinetics.rates.posterior import Posterior
 from kinetics.support import plots
 from kinetics.support.arrays import Counts, Floats, divided, rising_times
 from kinetics.support.intervals import student_quantile
@@ -21,8 +22,6 @@ from kinetics.support.shown import ResultTable, Shown, on_axes
 if TYPE_CHECKING:
     from kinetics.predicting.observables import Observables
 
-STEP = 1e-3  # of a shape parameter, for what it does to the rate constants: a closed form, whose differences are cheap
-TINY = 1e-200  # of the largest rate constant: takes the place of one that is 0 and changes with the shape
 EXACT_STATES = 5000  # with more reachable states than these, elasticities of counts come from draws
 EXACT_SECONDS = 60.0  # estimated for one time, likewise
 
@@ -129,7 +128,7 @@ def _range(values: Floats) -> tuple[str, str]:
 
 def count_elasticities(
     model: Model | Network,
-    rates: Rates | BookRates,
+    rates: AppliedRates,
     initial: Counts | None,
     times: ArrayLike,
     drawn: DrawMeans | None = None,
@@ -176,7 +175,7 @@ def count_elasticities(
 
 def passage_elasticities(
     model: Model | Network,
-    rates: Rates | BookRates,
+    rates: AppliedRates,
     initial: Counts | None,
     species: str,
     copies: int = 1,
@@ -202,19 +201,19 @@ def passage_elasticities(
     return exact_elasticities(rates.posterior(given.network, given.tank), solved)
 
 
-def exact_elasticities(posterior: RatesPosterior, solved: Callable[[Network], Gradients]) -> Elasticities:
+def exact_elasticities(posterior: Posterior, solved: Callable[[Network], Gradients]) -> Elasticities:
     """Elasticities by the chain rule: derivatives of predictions by rate constants, times those by the parameters.
 
     solved : of a network, its predictions (...) and their derivatives (R', ...) by the logarithm of each rate constant
     The share of a parameter is that of the linear propagation of errors. Cost: that of `solved`, once.
     """
-    constants, slopes = _constants(posterior)
-    at, by_constant = solved(posterior.expansion.network.with_rates(constants))
+    middle, slopes = posterior.slopes()
+    at, by_constant = solved(middle)
     slope = np.tensordot(slopes, by_constant, axes=1)
     moved = np.tensordot(_relative_covariance(posterior), slope, axes=1)
     return Elasticities(
         posterior.names,
-        np.arange(len(posterior.names)) < len(posterior.rates),
+        posterior.is_rate,
         at,
         divided(slope, at, np.nan),
         np.zeros_like(slope),
@@ -222,24 +221,6 @@ def exact_elasticities(posterior: RatesPosterior, solved: Callable[[Network], Gr
         0.0,
         True,
     )
-
-
-def _constants(posterior: RatesPosterior) -> tuple[Floats, Floats]:
-    """Rate constants (R',) at the posterior mean of the parameters, and the derivatives (P, R') of their logarithms.
-
-    By the logarithm of a rate, of which they are multiples; by a shape parameter itself, by central differences of the
-    closed form, extrapolated.
-    """
-    middle, n = posterior.mean, len(posterior.rates)
-    steps = np.eye(middle.size)[n:] * STEP
-    points = [middle[None, :], *(middle + k * steps for k in (1, -1, 2, -2))]
-    (constants,), *moved = np.split(posterior.constants(np.vstack(points)), 1 + len(steps) * np.arange(4))
-    one, two = (moved[0] - moved[1]) / (2 * STEP), (moved[2] - moved[3]) / (4 * STEP)
-    by_shape = (4.0 * one - two) / 3.0
-    held = np.where((constants == 0.0) & by_shape.any(axis=0), TINY * constants.max(), constants)
-    by_rate = posterior.parts(middle) * (held > 0.0)
-    by_shape = divided(by_shape, held)
-    return held, np.vstack([by_rate, by_shape])
 
 
 def elasticities_of_draws(drawn: DrawMeans) -> Elasticities:
@@ -262,7 +243,7 @@ def elasticities_of_draws(drawn: DrawMeans) -> Elasticities:
             f"{n} draws of the rates for {varied.size} parameters; expected at least {2 * (varied.size + 1)}: ask for "
             "more draws"
         )
-    is_rate = np.arange(len(posterior.names)) < len(posterior.rates)
+    is_rate = posterior.is_rate
     off = (drawn.parameters - posterior.mean) / np.where(is_rate & (posterior.mean > 0), posterior.mean, 1.0)
     design = np.column_stack([np.ones(n), off[:, varied]])
     inverse = np.linalg.pinv(design)
@@ -296,9 +277,9 @@ def elasticities_of_draws(drawn: DrawMeans) -> Elasticities:
     )
 
 
-def _relative_covariance(posterior: RatesPosterior) -> Floats:
+def _relative_covariance(posterior: Posterior) -> Floats:
     """Posterior covariance (P, P) of rates over their means, and of shape parameters."""
     scale = posterior.mean.copy()
-    scale[len(posterior.rates) :] = 1.0
+    scale[~posterior.is_rate] = 1.0
     scale[scale == 0] = 1.0  # a rate that is known to be 0 does not vary
     return posterior.covariance / np.outer(scale, scale)

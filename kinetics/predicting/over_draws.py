@@ -20,7 +20,7 @@ from kinetics.sampling.watch import Watch
 from kinetics.support.arrays import Floats, Ints, rising_times, whole_number
 
 if TYPE_CHECKING:
-    from kinetics.rates import RatesPosterior
+    from kinetics.rates.posterior import Posterior
 
 RUNS_PER_DRAW = 100
 LIMITS = (0.025, 0.975)
@@ -31,11 +31,11 @@ BATCH_BYTES = 2**23  # of counts that are there at a time, of one draw at least
 class DrawMeans:
     """Means under single draws of the rates: what `RUNS_PER_DRAW` runs gave under each of D draws.
 
-    parameters : (D, P), see `RatesPosterior`
+    parameters : (D, P), as its posterior has them
     means, noise : (D, T, S) mean counts, and their squared Monte-Carlo errors
     """
 
-    posterior: RatesPosterior
+    posterior: Posterior
     parameters: Floats
     means: Floats
     noise: Floats
@@ -76,9 +76,7 @@ class RunsOverDraws:
     draws: int
 
 
-def runs_over_draws(
-    job: Job, posterior: RatesPosterior, runs: int, draws: int, method: SamplingMethod
-) -> RunsOverDraws:
+def runs_over_draws(job: Job, posterior: Posterior, runs: int, draws: int, method: SamplingMethod) -> RunsOverDraws:
     """At least `runs` runs of a job, `RUNS_PER_DRAW` under each draw of the rates, and at least `draws` draws.
 
     Only the means of the first `draws` draws are kept, so memory does not grow with the runs. The error of the mean
@@ -132,7 +130,7 @@ def runs_over_draws(
 
 
 def _batches(
-    job: Job, posterior: RatesPosterior, watch: Watch, n_draws: int, block: int, batch: int, method: SamplingMethod
+    job: Job, posterior: Posterior, watch: Watch, n_draws: int, block: int, batch: int, method: SamplingMethod
 ) -> Iterator[list[tuple[Floats, Ints]]]:
     """Batches of draws: the parameters (P,) and the counts (RUNS_PER_DRAW, T, V) of each."""
     for number, begin in enumerate(range(0, n_draws, block)):
@@ -140,7 +138,7 @@ def _batches(
         sequence = np.random.SeedSequence(whole_number("seed", job.seed, 0), spawn_key=(1, number))
         table = posterior.draw(np.random.default_rng(sequence), min(block, n_draws - begin))
         made = simulate_posterior(
-            Model.of(posterior.expected, job.model.initial), posterior.constants(table), watch.grid, RUNS_PER_DRAW,
+            Model.of(posterior.expected, job.model.initial), posterior.variants(table), watch.grid, RUNS_PER_DRAW,
             job.seed,
             method=method,
             first_run=begin * RUNS_PER_DRAW,

@@ -13,7 +13,7 @@ from kinetics.network import Model, Network
 from kinetics.network.sums import Counted
 from kinetics.predicting.over_draws import LIMITS
 from kinetics.predicting.prediction import evidence_notes
-from kinetics.rates import BookRates, Rates
+from kinetics.rates.applied import AppliedRates
 from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import Counts, whole_number
 from kinetics.support.cli.progress import stage
@@ -60,7 +60,7 @@ class PassagePrediction(Shown):
 
 def predict_passage(
     model: Model | Network,
-    rates: Rates | BookRates | None,
+    rates: AppliedRates | None,
     initial: Counts | None,
     species: Counted,
     copies: int = 1,
@@ -91,9 +91,8 @@ def predict_passage(
     began, posterior = time.process_time(), rates.posterior(network, given.tank)
     sequence = np.random.SeedSequence(whole_number("seed", seed, 0), spawn_key=(1, 0))
     table = posterior.draw(np.random.default_rng(sequence), whole_number("draws", draws, 2))
-    models = (posterior.expected.with_rates(constants) for constants in posterior.constants(table))
     means = []
-    for number, each in enumerate(models):
+    for number, each in enumerate(posterior.networks(table)):
         stage(f"{number} of {draws} draws of the rates", number / draws)
         means.append(first_passage(each, start, species, copies).mean)
     # No interpolation between a finite mean and an infinite one.

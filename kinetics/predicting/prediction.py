@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
     from kinetics.markov.transient import Distribution, SolvingMethod
     from kinetics.predicting.accuracy import Reached
-    from kinetics.rates import BookRates, Rates, RatesPosterior
+    from kinetics.rates.applied import AppliedRates
+    from kinetics.rates.posterior import Posterior
 
 RUNS = 1000
 
@@ -135,7 +136,7 @@ class Prediction(Shown, Tabular):
 
 def predict(
     model: Model | Network,
-    rates: Rates | BookRates | None = None,
+    rates: AppliedRates | None = None,
     times: ArrayLike = (),
     method: SamplingMethod | SolvingMethod | AskedAccuracy | str | None = None,
     runs: int | None = None,
@@ -182,7 +183,7 @@ def predict(
 
 def predict_job(
     job: Job,
-    rates: Rates | BookRates | None = None,
+    rates: AppliedRates | None = None,
     method: SamplingMethod | SolvingMethod | AskedAccuracy | str | None = None,
     runs: int | None = None,
     draws: int = 200,
@@ -290,7 +291,7 @@ def _solved(job: Job, method: SolvingMethod) -> _Found:
     return _Found(job.distribution(method.solve(job.model.network, job.model.initial, job.grid)), method.name)
 
 
-def _sampled(job: Job, method: SamplingMethod, runs: int, posterior: RatesPosterior | None, draws: int) -> _Found:
+def _sampled(job: Job, method: SamplingMethod, runs: int, posterior: Posterior | None, draws: int) -> _Found:
     """Predict by runs, spread over draws of the rates if these have evidence."""
     name = method.name_for(job.model.network, job.model.initial)
     if posterior is not None:
@@ -323,7 +324,7 @@ def _adapted(job: Job, accuracy: AskedAccuracy, runs: int | None) -> _Found:
     return _Found(result, reached.chosen, is_complete, notes, reached=reached)
 
 
-def evidence_notes(rates: Rates | BookRates | None) -> tuple[str, ...]:
+def evidence_notes(rates: AppliedRates | None) -> tuple[str, ...]:
     """Remarks on the interval of a prediction from `rates`, for the reader."""
     if rates is None:
         return ("no interval: rate constants are taken as exact (no uncertainty given)",)

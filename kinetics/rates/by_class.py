@@ -19,12 +19,12 @@ from msgspec import Meta, field
 from msgspec.structs import force_setattr
 
 from kinetics.network import Network
+from kinetics.rates.applied import MeasuredRates
 from kinetics.rates.break_terms import BreakTerms
 from kinetics.rates.breaks import Expansion
 from kinetics.rates.class_entries import ClassRate, general_entries, measured_class, parts_of, sums
 from kinetics.rates.class_keys import are_by_class, class_keys, plain_key
 from kinetics.rates.measured import MeasuredRate
-from kinetics.rates.posterior import AppliedRates
 from kinetics.rates.rates import ChannelRate, Convention, Rates
 from kinetics.support.arrays import Floats
 from kinetics.support.config import read_toml, write_toml
@@ -209,7 +209,7 @@ class ClassRates(Settings):
 
 
 @dataclass(frozen=True, eq=False)
-class BookRates(AppliedRates):
+class BookRates(MeasuredRates):
     """Class rates in the derived network of one book.
 
     rates : by class

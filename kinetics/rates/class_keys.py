@@ -89,5 +89,19 @@ def are_by_class(name_or_path: str | Path) -> bool:
     ...     print(are_by_class(f"{folder}/classes.toml"), are_by_class("table3"))
     True False
     """
+    return _has_table(name_or_path, "classes")
+
+
+def are_fitted(name_or_path: str | Path) -> bool:
+    """Whether this is a file of parameters that were fitted to data.
+
+    >>> from kinetics.rates import are_fitted
+    >>> are_fitted("table3")
+    False
+    """
+    return _has_table(name_or_path, "parameters")
+
+
+def _has_table(name_or_path: str | Path, table: str) -> bool:
     path = Path(name_or_path)
-    return path.suffix == ".toml" and path.is_file() and "classes" in read_toml(path)
+    return path.suffix == ".toml" and path.is_file() and table in read_toml(path)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -9,17 +11,66 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinetics.network import Network, Tank
+from kinetics.network import Network
 from kinetics.rates.break_terms import BreakTerms
 from kinetics.rates.breaks import Expansion
 from kinetics.rates.inference import inference_data
 from kinetics.rates.measured import MeasuredRate
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, divided
 from kinetics.support.intervals import jeffreys_posterior, posterior_draws
+
+STEP = 1e-3  # of a shape parameter, for what it does to the rate constants: a closed form, whose differences are cheap
+TINY = 1e-200  # of the largest rate constant: takes the place of one that is 0 and changes with the shape
+
+
+class Posterior(ABC):
+    """What is known of P parameters, and the networks that go with them.
+
+    names : of the parameters
+    """
+
+    names: tuple[str, ...]
+
+    @property
+    @abstractmethod
+    def expected(self) -> Network:
+        """The network at the posterior mean of each rate constant."""
+
+    @property
+    @abstractmethod
+    def is_rate(self) -> Any:
+        """Whether each parameter (P,) is a rate, so that it is above 0 and predictions have an elasticity by it."""
+
+    @property
+    @abstractmethod
+    def mean(self) -> Floats:
+        """Posterior means (P,)."""
+
+    @property
+    @abstractmethod
+    def covariance(self) -> Floats:
+        """Posterior covariances (P, P)."""
+
+    @abstractmethod
+    def draw(self, rng: np.random.Generator, n: int) -> Floats:
+        """Draws (n, P) of the parameters."""
+
+    @abstractmethod
+    def networks(self, parameters: Floats) -> Iterable[Network]:
+        """The networks that go with parameters (n, P)."""
+
+    @abstractmethod
+    def variants(self, parameters: Floats) -> Floats | list[Network]:
+        """What `simulate_posterior` takes for parameters (n, P): rate constants, or networks."""
+
+    @abstractmethod
+    def slopes(self) -> tuple[Network, Floats]:
+        """The network at the means, and derivatives (P, R') of the logarithms of its rate constants: by the logarithm
+        of each rate, and by each other parameter itself."""
 
 
 @dataclass(frozen=True, eq=False)
-class RatesPosterior:
+class RatesPosterior(Posterior):
     """The posterior of P parameters: the K rates behind R channels, then the shape parameters of the break model.
 
     expansion : the network in which breaks have partners
@@ -66,9 +117,14 @@ class RatesPosterior:
         return tuple(rate.exposure for rate in self.known)
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[str, ...]:  # type: ignore[override]
         """Names (P,) of the parameters."""
         return (*self.rate_names, *self.breaks.shape)
+
+    @property
+    def is_rate(self) -> Any:
+        """Whether each parameter (P,) is a rate; the others are shape parameters."""
+        return np.arange(len(self.names)) < len(self.known)
 
     def coefficients(self, rates: Floats) -> Floats:
         """Coefficients (n, R) of the channels, from rates (n, K)."""
@@ -163,6 +219,30 @@ class RatesPosterior:
         """The network at the posterior mean of each rate constant."""
         return self.expansion.network.with_rates(self.expected_constants())
 
+    def networks(self, parameters: Floats) -> Iterable[Network]:
+        """The networks that go with parameters (n, P)."""
+        return (self.expected.with_rates(constants) for constants in self.constants(parameters))
+
+    def variants(self, parameters: Floats) -> Floats:
+        """Rate constants (n, R') that go with parameters (n, P)."""
+        return self.constants(parameters)
+
+    def slopes(self) -> tuple[Network, Floats]:
+        """The network at the means, and derivatives (P, R') of the logarithms of its rate constants.
+
+        By the logarithm of a rate, of which they are multiples; by a shape parameter itself, by central differences of
+        the closed form, extrapolated.
+        """
+        middle, n = self.mean, len(self.rates)
+        steps = np.eye(middle.size)[n:] * STEP
+        points = [middle[None, :], *(middle + k * steps for k in (1, -1, 2, -2))]
+        (constants,), *moved = np.split(self.constants(np.vstack(points)), 1 + len(steps) * np.arange(4))
+        one, two = (moved[0] - moved[1]) / (2 * STEP), (moved[2] - moved[3]) / (4 * STEP)
+        by_shape = (4.0 * one - two) / 3.0
+        held = np.where((constants == 0.0) & by_shape.any(axis=0), TINY * constants.max(), constants)
+        by_rate = self.parts(middle) * (held > 0.0)
+        return self.expansion.network.with_rates(held), np.vstack([by_rate, divided(by_shape, held)])
+
     @property
     def _shapes(self) -> tuple[Floats, Floats]:
         """Shapes (G, K) and their probabilities (G,)."""
@@ -179,68 +259,3 @@ class RatesPosterior:
             return self.known[r].rate, 0.0
         shape, total = jeffreys_posterior(events, exposure)
         return shape / total, shape / total**2
-
-
-class AppliedRates:
-    """Rates that apply to a network, by channel or by class; the base of both.
-
-    tank : in which the rates were measured
-    """
-
-    __slots__ = ()
-
-    breaks: BreakTerms
-    tank: tuple[float, float, float] | None
-
-    def expansion(self, network: Network) -> Expansion:
-        """The network with these rates, expanded by the break model.
-
-        ValueError: the rates are those of another network.
-        """
-        raise NotImplementedError
-
-    def crowded(self, expansion: Expansion, tank: Tank | None) -> Expansion:  # noqa: ARG002
-        """The expansion with the factors of the crowd in the tank of use; as it is if these rates have none."""
-        return expansion
-
-    def known(self, network: Network) -> tuple[dict[str, MeasuredRate], Floats | None]:
-        """The rates behind the channels by name, and their shares in each, see `RatesPosterior`."""
-        raise NotImplementedError
-
-    def apply(self, network: Network, tank: Tank | None = None) -> Network:
-        """`network` with the rates, ways and combinations of this table, its breaks expanded by their partners.
-
-        network : one channel a break, as a rule book gives it
-        tank : where the rates are to be used; None for the tank in which they were measured
-
-        Cost: linear in breaks times partners.
-        ValueError: the two do not have the same channels (in any order), the fingerprints differ, or another tank is
-        asked for and this table does not state its own.
-        """
-        expansion = self.crowded(self.expansion(network), tank)
-        constants = expansion.constants(expansion.base.known_rates, self.breaks.weights(expansion.base))
-        return expansion.network.with_rates(constants * expansion.scales(self.measured_in, tank))
-
-    def posterior(self, network: Network, tank: Tank | None = None) -> RatesPosterior:
-        """The posterior of the parameters behind the rate constants of `apply(network, tank)`."""
-        expansion = self.crowded(self.expansion(network), tank)
-        known, shares = self.known(network)
-        scales = expansion.scales(self.measured_in, tank)
-        return RatesPosterior(expansion, self.breaks, tuple(known), tuple(known.values()), scales, shares)
-
-    def draw_constants(self, network: Network, rng: np.random.Generator, n: int, tank: Tank | None = None) -> Floats:
-        """Posterior draws (n, R') of the rate constants of `apply(network, tank)`, 1/tu; see `RatesPosterior`."""
-        posterior = self.posterior(network, tank)
-        return posterior.constants(posterior.draw(rng, n))
-
-    def expected(self, network: Network, tank: Tank | None = None) -> Network:
-        """The network of `apply` with the posterior mean of each rate constant; the point rate if there is no evidence.
-
-        A channel without events then has a rate above 0: half an event in its exposure.
-        """
-        return self.posterior(network, tank).expected
-
-    @property
-    def measured_in(self) -> Tank | None:
-        """The tank in which the rates were measured."""
-        return None if self.tank is None else Tank(self.tank)

@@ -11,11 +11,11 @@ import numpy as np
 from msgspec import Meta, field
 
 from kinetics.network import Network, Tank
+from kinetics.rates.applied import MeasuredRates
 from kinetics.rates.break_terms import BreakTerms
 from kinetics.rates.breaks import Expansion
 from kinetics.rates.crowding_terms import CrowdingTerms
 from kinetics.rates.measured import MeasuredRate
-from kinetics.rates.posterior import AppliedRates
 from kinetics.support.config import find, read_toml, write_toml
 from kinetics.support.settings import Positive, Settings, validated
 
@@ -66,7 +66,7 @@ class ChannelRate(MeasuredRate):
     prior: Literal["joins", "breaks"] | None = None
 
 
-class Rates(Settings, AppliedRates):
+class Rates(Settings, MeasuredRates):
     """Rate constants of all joins and breaks of one network, how breaks depend on their partners, and for which tank.
 
     channels : channel name -> ChannelRate; of a break the coefficient b per partner of weight 1

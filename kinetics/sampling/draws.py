@@ -6,7 +6,7 @@ first_run + d * runs + i of its stream, so all runs are independent, and draws m
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -32,7 +32,7 @@ BATCH = 16  # draws a thread at a time
 
 def simulate_posterior(
     model: Model | Network,
-    constants: ArrayLike,
+    constants: ArrayLike | list[Network],
     times: ArrayLike,
     runs: int,
     seed: int = 0,
@@ -45,6 +45,7 @@ def simulate_posterior(
 ) -> Iterator[Ints]:
     """Yield the counts (runs, T, S) at `times` (T,), tu, of runs under each draw of rate constants (D, R), 1/tu.
 
+    constants : or D networks that differ from the model's in the parameters of their rate laws, each made ready anew
     model : each run starts from its counts at time 0
     method : sampling method; Auto() by default
     weights : (S, V) whole weights, to get sums of counts (runs, T, V) instead
@@ -60,10 +61,19 @@ def simulate_posterior(
     >>> [each[:, 0, 0].tolist() for each in counts]
     [[3, 3], [0, 0]]
     """
-    network, start, table = _checked(model, constants, runs, first_run)
+    sampler_of: Callable[[Any], Any]
+    table: Any
+    if isinstance(constants, list) and constants and isinstance(constants[0], Network):
+        given = Model.of(model)
+        network, start, table = constants[0], given.initial, constants
+        sampler_of = (method or Auto()).sampler
+    else:
+        network, start, table = _checked(model, constants, runs, first_run)  # type: ignore[arg-type]
+        sampler_of = (method or Auto()).sampler_of_rates(network)
+        network = network.with_rates(table[0])
     check_numbers(runs, threads, first_run)
     grid = some_times(times).copy()  # which may be written: kernels are compiled for one kind of array
-    seen = watch or Watch(grid, Outlook(network.with_rates(table[0])), first_run=first_run)
+    seen = watch or Watch(grid, Outlook(network), first_run=first_run)
     sums = None if weights is None else integers("weights", weights, (start.size, None), minimum=0)
     piece = runs if sums is None else min(runs, max(1, PIECE_BYTES // (8 * grid.size * start.size)))
     check_memory(
@@ -71,7 +81,7 @@ def simulate_posterior(
         8.0 * piece * grid.size * start.size,
         "ask for fewer runs or times",
     )
-    key, sampler_of = stream_key(seed), (method or Auto()).sampler_of_rates(network)
+    key = stream_key(seed)
 
     def draw(d: int) -> Ints:
         sampler = sampler_of(table[d])

@@ -24,7 +24,7 @@ Schema = dict[str, Any]
 
 # By the ends of their paths: objects whose keys are data, such as names of species; objects that may have more keys.
 MAPS = (
-    *("calibrate/parameters", "calibrate/evidence/observed", "calibrate/evidence/fixed"),
+    *("calibrate/parameters", "calibrate/evidence/observed", "calibrate/fixed", "/r_hat", "/effective"),
     *("/initial", "/conserved", "/shape", "/slopes", "mechanics/reference", "/floor", "/composition", "/versions"),
     *("runs/final", "runs/events", "tanks/events", "/quantiles", "/sensitivity_quantiles"),
     *("grow/series", "/curves", "rates/classes", "/pathways", "/refusals", "/refused", "/plans"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -69,7 +70,8 @@ class PanelData:
     columns : name -> weight of each species in what the column counts; by a name alone, that species
     runs : independent of each other, each conditional on its start
     observations : column -> how its numbers come from true counts; `Exact` for those not named
-    events : the channels one of which an event stands for whose time is known exactly
+    events : the channels one of which an event stands for whose time is known exactly. They are recorded whenever they
+        fire: between two looks none of them did
 
     ValueError: no runs, columns that do not fit, or a number that cannot be observed so
 
@@ -129,3 +131,13 @@ class PanelData:
     def looks(self) -> int:
         """Looks in all runs."""
         return sum(run.times.size for run in self.runs)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of what was seen, by column and time, and of events at known times."""
+        found = hashlib.sha256(repr((tuple(self.columns), self.events)).encode())
+        for run in self.runs:
+            found.update(np.float64(run.start).tobytes())
+            for array in (run.times, run.seen, run.fired):
+                found.update(np.asarray(array).tobytes())
+        return found.hexdigest()

@@ -12,14 +12,16 @@ import numpy as np
 
 from kinetics.markov.derivatives import ChannelEntries
 from kinetics.markov.panels.data import PanelData
-from kinetics.markov.panels.panel_step import amplified, unreachable
+from kinetics.markov.panels.panel_step import amplified, recorded_channels, unreachable
 from kinetics.markov.panels.slopes import Slopes
 from kinetics.markov.passage.backward import jump_rate, one_step
+from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient.poisson import ROUNDOFF, poisson_bounds
 from kinetics.markov.transient.search import Search, TooManyStatesError
 from kinetics.markov.transient.states import StateSpace
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.packages import sparse
 
 MOST_STATES = 64
 MOST_MEAN = 100.0  # steps between two looks; for more, matrices of a shorter time are squared
@@ -120,7 +122,17 @@ class FewPass:
     @cached_property
     def _step(self) -> Floats:
         moves, stays, _ = one_step(self.chain)
+        if self._recorded.any():  # what fires between two looks without a record leads to nothing that was seen
+            rows, columns, _ = self._few.entries
+            inside = ~self._recorded
+            share = self._rates[inside] / self.rate
+            moves = sparse.csr_array((share, (rows[inside], columns[inside])), shape=(self.n, self.n))
         return np.asarray(moves.toarray() + np.diag(stays))
+
+    @cached_property
+    def _recorded(self) -> Mask:
+        """Transitions (K,) of channels whose events are recorded."""
+        return np.isin(self._few.entries[2], recorded_channels(self._network, self._data))
 
     @cached_property
     def _powers(self) -> Floats:
@@ -151,7 +163,7 @@ class FewPass:
         shares = slopes.of_rates(self._few.space.states, rows, channels) * self._rates / self.rate
         change = np.zeros((slopes.size, self.n, self.n))
         for p in range(slopes.size):
-            np.add.at(change[p], (rows, columns), shares[p])
+            np.add.at(change[p], (rows, columns), np.where(self._recorded, 0.0, shares[p]))
             np.add.at(change[p], (rows, rows), -shares[p])
         found = np.zeros((self.n_steps, slopes.size, self.n, self.n))
         for k in range(1, self.n_steps):
@@ -225,6 +237,16 @@ class FewPass:
         if not error < inf:
             self.is_certified, error = False, self._data.looks * self._wrong
         return before, seen, total, error
+
+    @property
+    def filtered(self) -> list[list[tuple[Ints, Floats]]]:
+        """Of each run, before each of its looks: possible states, and their probabilities."""
+        before, places = self._filtered[0], np.argsort(self._few.order)
+        found: list[list[tuple[Ints, Floats]]] = []
+        for place in places.tolist():
+            rows = [now[place] for now in before if place < len(now)]
+            found.append([(self._few.space.states[row > 0], row[row > 0]) for row in rows])
+        return found
 
     @cached_property
     def _wrong(self) -> float:

@@ -18,11 +18,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import expm1, inf, log
-from typing import NamedTuple
 
 import numpy as np
 
 from kinetics.markov.derivatives import ChannelEntries, gradient_at
+from kinetics.markov.panels.base import Likelihood, Observed, Scored
 from kinetics.markov.panels.data import PanelData, PanelRun
 from kinetics.markov.panels.few_states import FewPass, FewStates
 from kinetics.markov.panels.panel_step import PanelStep, amplified, carried, chances_of
@@ -34,7 +34,7 @@ from kinetics.markov.transient.transitions import totals
 from kinetics.network import Model, Network
 from kinetics.network.network import check_homogeneous
 from kinetics.support.answer import Answer, kind_of
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, Ints
 
 METHOD = "forward filter by uniformisation"
 FORGOTTEN = 1e-60  # of the Poisson probability, before a look after which the state is known
@@ -42,15 +42,8 @@ LARGEST = 700.0  # error of a logarithm beyond which nothing is known
 MOST_LOST = 1e-8  # of the probability of a look, before the likely states are found anew
 
 
-class Scored(NamedTuple):
-    """A log-likelihood and its derivatives (P,) by the logarithm of each parameter."""
-
-    answer: Answer
-    gradient: Floats
-
-
 @dataclass(frozen=True, eq=False)
-class PanelLikelihood:
+class PanelLikelihood(Likelihood):
     """The log-likelihood of panel data, at any values of the parameters of a model.
 
     model : its network; counts at time 0 come with the data
@@ -75,20 +68,12 @@ class PanelLikelihood:
     max_states: int = MAX_STATES
     _known: dict[tuple[float, ...], _Structure] = field(default_factory=dict, repr=False)
 
-    def value(self, point: Mapping[str, float] | None = None) -> Answer:
-        """The log-likelihood at values of some parameters; None: as the model has them."""
-        return self.scored(point, ()).answer
-
     def scored(self, point: Mapping[str, float] | None, names: Sequence[str]) -> Scored:
-        """The log-likelihood and its derivatives by the logarithms of the parameters `names`.
-
-        Parameters are those of the network, its channels (for their rate constants), and columns (for the parameter
-        of their observation).
-        """
+        """The log-likelihood and its derivatives by the logarithms of the parameters `names`."""
         began = time.process_time()
-        network, data = self._at(point or {})
+        network, data = self.network_at(point or {}), self.data_at(point or {})
         total, error, gradient, certified = 0.0, 0.0, np.zeros(len(names)), True
-        slopes = self._slopes(network, point or {}, names)
+        slopes = self._slopes(network, point or {}, names, list(data.columns))
         for passed, copies in self._passes(network, data, len(names)):
             total += copies * passed.log_likelihood
             error += copies * passed.error
@@ -104,24 +89,32 @@ class PanelLikelihood:
         )
         return Scored(answer, gradient)
 
-    def _at(self, point: Mapping[str, float]) -> tuple[Network, PanelData]:
-        """Network and data at these values."""
-        seen = {name: value for name, value in point.items() if self._is_observed(name)}
-        rest = {name: value for name, value in point.items() if name not in seen}
-        model = self.model.at(rest) if rest else self.model
-        return model.network, self.data.with_observed(**seen) if seen else self.data
+    @property
+    def observed(self) -> Mapping[str, Observed]:
+        """The parameters of observations, by column."""
+        models = self.data.observations.items()
+        return {name: Observed(each.parameter, each.most) for name, each in models if each.parameter is not None}
 
-    def _is_observed(self, name: str) -> bool:
-        """Whether a parameter is that of the observation of a column."""
-        return name in self.data.columns and self.data.observations[name].parameter is not None
+    @property
+    def data_digest(self) -> str:
+        """SHA-256 of what was seen."""
+        return self.data.digest
 
-    def _slopes(self, network: Network, point: Mapping[str, float], names: Sequence[str]) -> Slopes:
-        columns = list(self.data.columns)
-        observed = {p: columns.index(name) for p, name in enumerate(names) if self._is_observed(name)}
-        known = {**self.model.network.parameters, **point}
-        return Slopes(
-            network, names, observed, known.__getitem__, lambda name, value: self._at({**point, name: value})[0]
-        )
+    def data_at(self, point: Mapping[str, float]) -> PanelData:
+        """The data, with observations at these values."""
+        seen = {name: value for name, value in point.items() if name in self.observed}
+        return self.data.with_observed(**seen) if seen else self.data
+
+    def filtered(self, point: Mapping[str, float] | None = None) -> list[list[tuple[Ints, Floats]]]:
+        """Of each run, before each of its looks: the states (n, S) possible just after the last one, and their
+        probabilities (n,) given all that was seen until then."""
+        network, data = self.network_at(point or {}), self.data_at(point or {})
+        structure = self._structure(network)
+        if structure.few is not None:
+            together = FewPass(structure.few, network, data)
+            if together.fits(0):
+                return together.filtered
+        return [_Pass(structure.steps_of(data, r, run), network, data, run).filtered for r, run in enumerate(data.runs)]
 
     def _passes(self, network: Network, data: PanelData, parameters: int) -> Iterator[tuple[_Pass | FewPass, int]]:
         """One pass over all runs where states are few, else one for all runs that are alike, and how many these are."""
@@ -246,6 +239,12 @@ class _Pass:
             return after
         flow = after[step.jumps.after] * step.jump_rates(self._network)
         return totals(step.jumps.before, flow, len(step.ends))
+
+    @property
+    def filtered(self) -> list[tuple[Ints, Floats]]:
+        """States possible just before each step, and their probabilities."""
+        states = [self._run.initial[None, :], *(step.seen_states for step in self._steps[:-1])]
+        return list(zip(states, self._filtered, strict=False))
 
     def gradient(self, slopes: Slopes) -> Floats:
         """Derivatives (P,) of the log-likelihood by the logarithms of the parameters."""

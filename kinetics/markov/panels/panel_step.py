@@ -99,10 +99,12 @@ class PanelStep:
             ends, jumps, seen_states = _possible(ends, jumps, seen_states, chances)
         if not len(ends):
             raise unreachable(network, data, run, look, begins)
-        # Only states that lead to an end; those of the beginning stay, so that their order does.
+        # Only states that lead to an end; those of the beginning stay, so that their order does. A channel whose events
+        # are recorded did not fire between two looks: that leads to nothing that was seen.
         n = len(states)
-        whole = Transitions(rows, columns, np.ones(rows.size), np.zeros(n + 1), 0.0, channels)
-        goal = np.zeros(n + 1, dtype=bool)
+        columns = np.where(np.isin(channels, recorded_channels(network, data)), n + 1, columns)
+        whole = Transitions(rows, columns, np.ones(rows.size), np.zeros(n + 2), 0.0, channels)
+        goal = np.zeros(n + 2, dtype=bool)
         goal[ends] = True
         kept = whole.leading_to(goal)
         kept[: len(begins)] = kept[n] = True
@@ -200,6 +202,12 @@ def chances_of(data: PanelData, run: PanelRun, look: int, counted: Floats) -> Fl
         if not np.isnan(seen):
             found *= observation.weights(counted[:, column], float(seen))
     return found
+
+
+def recorded_channels(network: Network, data: PanelData) -> Ints:
+    """Places (C,) of the channels whose events are recorded, each with its time."""
+    places = [network.channel_places[name] for names in data.events for name in names]
+    return np.unique(np.array(places, dtype=np.int64))
 
 
 def _channels_of(network: Network, data: PanelData, event: int) -> Ints | None:

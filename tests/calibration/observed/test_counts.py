@@ -6,10 +6,10 @@ import tomllib
 import numpy as np
 import pytest
 
-from calibration.estimating.panel_fit import fit_panel
+from calibration.estimating.model_fit import fit_model
 from calibration.observed.counts import read_counts, read_snapshots
 from kinetics import Model, Network, simulate
-from kinetics.markov.panels import PanelData, PanelRun
+from kinetics.markov.panels import PanelData, PanelLikelihood, PanelRun
 from kinetics.markov.panels.observations import Detected
 from tests.kinetics.markov.panels.test_published import EYAM
 
@@ -116,7 +116,7 @@ def test_a_species_named_like_a_column_is_refused(tmp_path):
 
 def test_eyam_to_all_digits_that_are_given(tmp_path):
     """Maximum likelihood 3.20384, .0196018 with log-likelihood -40.517992 (an own exact calculation)."""
-    found = fit_panel(epidemic(), read_counts(epidemic(), written(tmp_path, TABLE)), starts=1)
+    found = fit_model(PanelLikelihood(epidemic(), read_counts(epidemic(), written(tmp_path, TABLE))), starts=1)
     assert dict(zip(found.fit.names, found.fit.value.round(7).tolist(), strict=True)) == {
         "beta": pytest.approx(0.0196018, abs=1e-7),
         "alpha": pytest.approx(3.20384, abs=1e-5),
@@ -124,6 +124,10 @@ def test_eyam_to_all_digits_that_are_given(tmp_path):
     assert found.log_likelihood.value == pytest.approx(-40.517992, abs=1e-6)
     assert found.log_likelihood.is_bound
     assert found.model.network.parameters["alpha"] == found.fit.value[1]
+
+
+def decay(k=1.0):
+    return Model.of(Network.from_text("A -> B, k", k=k))
 
 
 def decays(k, p, seed, cells=60):
@@ -136,10 +140,10 @@ def decays(k, p, seed, cells=60):
 
 
 def test_detection_is_estimated_too():
-    found = fit_panel(Network.from_text("A -> B, k", k=1.0), decays(0.7, 0.8, 3), ["k", "A"], starts=1)
+    found = fit_model(PanelLikelihood(decay(), decays(0.7, 0.8, 3)), ["k", "A"], starts=1)
     for truth, low, high in zip((0.7, 0.8), found.fit.low, found.fit.high, strict=True):
         assert low < truth < high
-    blind = fit_panel(Network.from_text("A -> B, k", k=1.0), decays(0.7, 0.8, 3), ["k"], fixed={"A": 0.999}, starts=1)
+    blind = fit_model(PanelLikelihood(decay(), decays(0.7, 0.8, 3)), ["k"], fixed={"A": 0.999}, starts=1)
     assert blind.log_likelihood.value < found.log_likelihood.value - 20  # the control
 
 
@@ -155,13 +159,13 @@ def test_detection_is_estimated_too():
 def test_parameters_that_cannot_be_are_refused(free, fixed, said):
     data = PanelData({"A": {"A": 1}}, [PanelRun([3, 0], [1.0], [[1]])])
     with pytest.raises(ValueError, match=said):
-        fit_panel(Network.from_text("A -> B, k", k=1.0), data, free, fixed=fixed)
+        fit_model(PanelLikelihood(decay(), data), free, fixed=fixed)
 
 
 def test_a_free_parameter_starts_above_zero():
     data = PanelData({"A": {"A": 1}}, [PanelRun([3, 0], [1.0], [[1]])])
     with pytest.raises(ValueError, match="k = 0; a free parameter starts above 0"):
-        fit_panel(Network.from_text("A -> B, k", k=0.0), data)
+        fit_model(PanelLikelihood(decay(0.0), data))
 
 
 @pytest.fixture
@@ -182,6 +186,7 @@ def test_the_command(wellmixed_here, place):
     assert low < value < high < low + 1e-9
     kept = tomllib.loads((place / "rates.toml").read_text())
     assert kept["parameters"] == done.json["parameters"]
+    assert done.json["posterior"]["how"] == "normal on logarithms"
     assert kept["evidence"]["looks"] == 7
     assert "alpha      3.20384    2.68148    3.82414" in wellmixed_here(*command, cwd=place).out
     assert tomllib.loads((place / "rates.toml").read_text()) == kept  # one seed, one result
@@ -191,7 +196,7 @@ def test_the_command_with_what_is_known(wellmixed_here, place):
     command = ["calibrate", "eyam.rxn", "--counts", "counts.csv", "--out", "r.toml", "--json", "--starts", 1]
     done = wellmixed_here(*command, "--fix", "alpha=3.2", "--observe", "I=rounded:2", cwd=place).json
     assert list(done["parameters"]) == ["beta"]
-    assert done["evidence"]["fixed"] == {"alpha": 3.2}
+    assert done["fixed"] == {"alpha": 3.2}
     assert done["evidence"]["observed"]["I"] == {"model": "rounded", "half": 2.0}
 
 
@@ -202,7 +207,14 @@ def test_the_command_with_what_is_known(wellmixed_here, place):
         (["--counts", "counts.csv", "--snapshots", "cells.csv"], "--counts and --snapshots: one kind of data"),
         (["--counts", "counts.csv", "--runs", 3], "--runs applies to mechanics runs, and --counts makes none"),
         (["--counts", "counts.csv", "--tank", 1, 1, 1], "--tank is for --events, not for counts"),
-        (["--counts", "counts.csv", "--report", "a.html"], "--report is for calibrate channels and --events"),
+        (["--counts", "counts.csv", "--prior", "alpha=3"], "--prior alpha=3; expected a name and two rising numbers"),
+        (["--counts", "counts.csv", "--bounds", "alpha=3:2"], "--bounds alpha=3:2; expected a name and two rising"),
+        (
+            ["--counts", "counts.csv", "--prior", "gamma=1:3"],
+            "gamma has a prior, but it is not free; free are beta, alpha",
+        ),
+        (["--counts", "counts.csv", "--per-group", "alpha"], "counts.csv has no column 'group'"),
+        (["--counts", "counts.csv", "--against", "alpha=x"], "--against alpha=x; expected a model, or a name and a"),
         (["--counts", "counts.csv", "--fix", "alpha"], "--fix alpha; expected a name and a number"),
         (
             ["--counts", "counts.csv", "--fix", "alpha=x"],
@@ -229,7 +241,11 @@ def test_options_that_do_not_go_together(wellmixed_here, place, options, said):
     assert not (place / "rates.toml").exists()
 
 
-def test_a_rule_book_is_refused(wellmixed_here, place):
-    done = wellmixed_here("calibrate", "line4", "--counts", "counts.csv", "--out", "rates.toml", cwd=place)
-    assert done.code == 2
-    assert "line4: --counts needs a network file" in done.err
+def test_a_rule_book_takes_counts(wellmixed_here, place):
+    """Two cubes with four pairs of faces: after 10 tu they have joined with probability 1 - exp(-40 k)."""
+    rows = [f"{run},0,2,0\n{run},10,{0 if run < 3 else 2},{int(run < 3)}\n" for run in range(8)]
+    written(place, "run,time,monomer,dimer\n" + "".join(rows))
+    options = ("--free", "1+1->2", "--fix", "2->1+1=0", "--starts", 1, "--out", "rates.toml", "--json")
+    done = wellmixed_here("calibrate", "line4", "--counts", "counts.csv", *options, cwd=place)
+    assert done.code == 0, done.err
+    assert done.json["parameters"]["1+1->2"]["value"] == pytest.approx(-np.log(5 / 8) / 40, rel=1e-6)

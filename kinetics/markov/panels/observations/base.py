@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from math import inf
 from typing import ClassVar
 
+import numpy as np
+
 from kinetics.support.arrays import Floats
 
 
@@ -44,6 +46,10 @@ class Observation(ABC):
     @abstractmethod
     def weights(self, counts: Floats, seen: float) -> Floats:
         """Probability (N,), or density, that this number is seen at true counts (N,)."""
+
+    @abstractmethod
+    def drawn(self, counts: Floats, seen: float, rng: np.random.Generator) -> Floats:
+        """Numbers (N,) that might be written down at true counts (N,), to be compared with the one that was, `seen`."""
 
     def slopes(self, counts: Floats, seen: float) -> Floats:  # noqa: ARG002
         """Derivatives (N,) of `weights` by the parameter."""

@@ -47,6 +47,10 @@ class Detected(Observation):
             raise ValueError(f"{seen:g} is no number of copies seen; expected a whole number of at least 0")
         return (seen, seen) if self.p == 1.0 else (seen, inf)
 
+    def drawn(self, counts: Floats, seen: float, rng: np.random.Generator) -> Floats:  # noqa: ARG002
+        """Binomial numbers."""
+        return rng.binomial(counts.astype(np.int64), self.p).astype(np.float64)
+
     def weights(self, counts: Floats, seen: float) -> Floats:
         """Binomial probabilities."""
         if self.p == 1.0:

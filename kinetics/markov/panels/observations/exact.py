@@ -30,6 +30,10 @@ class Exact(Observation):
             raise ValueError(f"{seen:g} is no count; expected a whole number of at least 0, or say how it was observed")
         return seen, seen
 
+    def drawn(self, counts: Floats, seen: float, rng: np.random.Generator) -> Floats:  # noqa: ARG002
+        """The counts."""
+        return counts
+
     def weights(self, counts: Floats, seen: float) -> Floats:
         """1 where the count is the number, else 0."""
         return np.asarray(counts == seen, dtype=np.float64)

@@ -43,6 +43,10 @@ class Gaussian(Observation):
         """Any count."""
         return 0.0, inf
 
+    def drawn(self, counts: Floats, seen: float, rng: np.random.Generator) -> Floats:  # noqa: ARG002
+        """The counts with an error."""
+        return counts + self.sd * rng.standard_normal(counts.shape)
+
     def weights(self, counts: Floats, seen: float) -> Floats:
         """Normal densities."""
         away = (seen - counts) / self.sd

@@ -36,6 +36,10 @@ class Rounded(Observation):
             raise ValueError(f"{seen:g} with {self.half:g} on both sides holds no count of at least 0")
         return seen - self.half, seen + self.half
 
+    def drawn(self, counts: Floats, seen: float, rng: np.random.Generator) -> Floats:  # noqa: ARG002
+        """`seen` for counts in its interval, the others as they are: on the side on which they lie."""
+        return np.where(self.weights(counts, seen) > 0.0, seen, counts)
+
     def weights(self, counts: Floats, seen: float) -> Floats:
         """1 in the interval, else 0."""
         return np.asarray((counts >= seen - self.half) & (counts <= seen + self.half), dtype=np.float64)

@@ -32,8 +32,10 @@ def by_expm(network, data, states):
             j = places.get(tuple(row + change))
             if propensities[i, r] > 0 and j != i:
                 rates[r, i, j] += propensities[i, r]
-    generator = rates.sum(axis=0)
-    np.fill_diagonal(generator, -generator.sum(axis=1))
+    generator, exits = rates.sum(axis=0), rates.sum(axis=(0, 2))
+    for name in {name for names in data.events for name in names}:  # which are recorded whenever they fire
+        generator -= rates[network.channels.index(name)]
+    np.fill_diagonal(generator, -exits)
     counted, total = states @ data.weights(network).T, 0.0
     for run in data.runs:
         now, before = np.zeros(n), run.start
@@ -63,7 +65,7 @@ def hidden_data(seed, observations=None, with_events=False):
     columns = {"C": {"C": 1}, "ab": {"A": 1, "B": 1, "D": 2}}
     if observations is None:
         observations = {"C": Detected(0.8), "ab": Rounded(2.0)}
-    return PanelData(columns, runs, observations, [("bc", "ca")])
+    return PanelData(columns, runs, observations, [("ca", "bond")] if with_events else [])
 
 
 def cycle(k=0.7, q=1.3):

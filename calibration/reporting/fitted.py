@@ -1,0 +1,96 @@
+"""The report of parameters that were fitted to data of others."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from calibration.estimating.predictive_bands import predictive_bands
+from calibration.estimating.residuals import Residuals, quantile_residuals
+from calibration.observed.fitted_study import FittedStudy, said_of
+from calibration.reporting.report import Chart, Fold, HtmlReport, Part, ReportTable, Text
+
+ABOUT_INTERVALS = """
+An estimate is the value of largest likelihood. An interval ends where the largest log-likelihood with that parameter
+held has fallen by 1.92 (profile likelihood, 95 %).
+"""
+ABOUT_RESIDUALS = """
+A residual is the place of what was seen in the distribution that the model predicts from all looks before, between 0
+and 1. If the model holds, residuals are uniform and independent. The p-values are those of their distribution
+(Kolmogorov and Smirnov), mean, spread, and of the correlation of neighbours in a run. Parameters were fitted to the
+same data, so the tests reject a little less often than their level.
+"""
+ABOUT_BANDS = """
+Bands hold the middle 95 % of whole runs that are simulated from the start, at parameters drawn from the posterior.
+"""
+
+
+def fitted_report(study: FittedStudy, seed: int = 0) -> HtmlReport:
+    """Verdict, estimates and the data beside the model on the first screen; the rest folded.
+
+    seed : of the residuals' ties and of the simulated runs
+    """
+    found = study.found
+    residuals = quantile_residuals(found.likelihood, found.point, seed=seed)
+    bands = predictive_bands(found, study.draws, seed)
+    inside, n = (sum(counts) for counts in zip(*(band.inside for band in bands), strict=True))
+    per = found.model.network.time_unit
+    draws = "the estimates" if study.draws is None else f"{len(study.draws.draws)} draws ({study.draws.how})"
+    parts: list[Part] = [
+        Text(f"{residuals.verdict} {said_of(found.likelihood)}. {' '.join(f'{each}.' for each in study.notes)}"),
+        ReportTable(
+            f"Estimates and 95 % intervals{per and f'; rates are per {per}'}.", _estimates(study), "parameters"
+        ),
+        Chart(
+            f"What was seen (dots), and the middle 95 % of runs simulated at {draws}: {inside} of {n} dots inside.",
+            partial(_draw_all, bands),
+            panels=len(bands),
+            name="bands",
+        ),
+        Fold(
+            "How the parameters were estimated",
+            [Text(ABOUT_INTERVALS), Text(f"Log-likelihood {found.log_likelihood}.")],
+        ),
+        _residual_fold(residuals),
+        Fold("Whole runs against the model", [Text(ABOUT_BANDS)]),
+    ]
+    if study.compared:
+        rows = [{"model": each.name, **{k: v for k, v in vars(each).items() if k != "name"}} for each in study.compared]
+        parts.insert(3, ReportTable("Models of the same data.", rows, "models"))
+    return HtmlReport(f"Parameters of {Path(study.source).name}", parts, study.evidence | {"seed": seed})
+
+
+def _estimates(study: FittedStudy) -> list[dict[str, Any]]:
+    """One row a parameter."""
+    fit = study.found.fit
+    rows = [
+        {
+            "parameter": name,
+            "estimate": f"{fit.value[p]:.4g}",
+            "95 % from": f"{fit.low[p]:.4g}",
+            "95 % to": f"{fit.high[p]:.4g}",
+        }
+        for p, name in enumerate(fit.names)
+    ]
+    held = [
+        {"parameter": name, "estimate": f"{value:.4g} (fixed)", "95 % from": "", "95 % to": ""}
+        for name, value in study.found.fixed.items()
+    ]
+    return [*rows, *held]
+
+
+def _residual_fold(residuals: Residuals) -> Fold:
+    """The tests of the residuals, and their picture."""
+    rows = [test._asdict() for test in residuals.tests()]
+    parts: list[Part] = [Text(ABOUT_RESIDUALS)]
+    if rows:
+        parts.append(ReportTable("P-values, one row for each column.", rows, "residual-tests"))
+        parts.append(Chart("Residuals in order of size.", residuals.plot, rows=residuals.rows(), name="residuals"))
+    return Fold("Is the model right? Residuals", parts)
+
+
+def _draw_all(bands: Any, axes: Any) -> None:
+    """One panel a band."""
+    for band, ax in zip(bands, [axes] if len(bands) == 1 else axes, strict=True):
+        band.plot(ax)
