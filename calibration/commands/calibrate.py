@@ -48,9 +48,9 @@ MODES_OF = {
     **dict.fromkeys(FITTED, DATA),
 }
 # Options that mean something where no runs are made
-OF_DATA = {"words", "out", "as_json", "report", "seed", *DATA, *FITTED}
-OF_EVENTS = OF_DATA | {"cubes", "run_table", "tank", "breaks"}
-OF_COUNTS = OF_DATA | {"observed"}
+OF_DATA = {"words", "out", "as_json", "report", *DATA}
+OF_EVENTS = OF_DATA | {"cubes", "run_table", "tank"}
+OF_FIT = {"seed", *FITTED}
 FILES = or_study_folder(PLAN, {"runs_folder": RUNS, "out": RATES, "report": "calibration.html"})
 
 
@@ -183,11 +183,13 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
 
 def refuse_for(mode: str) -> None:
     """ValueError where an option was given that means nothing in this mode."""
+    known = (OF_DATA | {"observed"}) if mode in COUNTED else OF_EVENTS
+    known |= OF_FIT if mode in DATA and is_fit(mode, given_options()) else {"breaks"}
     for name, option in given_options().items():
         modes = MODES_OF.get(name, (*MODES, *DATA))
         if mode not in modes:
             raise ValueError(f"{option} is for {' and '.join(map(_named, modes))}, not for {mode}; leave it out")
-        if mode in DATA and name not in (OF_EVENTS if mode == "events" else OF_COUNTS):
+        if mode in DATA and name not in known:
             raise ValueError(f"{option} applies to mechanics runs, and --{mode} makes none; leave it out")
 
 

@@ -96,8 +96,8 @@ class CalibrationStudy:
         """Runs, and events in all of them: joins and breaks where the network has such channels, then others."""
         events, groups = self.calibration.total.events, joins_and_breaks(self.calibration.network)
         wholes = {name: int(events[members].sum()) for name, members in groups.items()}
-        others = int(events.sum()) - sum(wholes.values())
-        return {"runs": len(self.paths), **wholes, **({"other events": others} if others else {})}
+        others, named = int(events.sum()) - sum(wholes.values()), "other events" if wholes else "events"
+        return {"runs": len(self.paths), **wholes, **({named: others} if others else {})}
 
     @property
     def about_breaks(self) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.observed.tables import Table, near, read_table
+from calibration.observed.time_units import timed
 from kinetics.markov.panels import PanelData, PanelRun
 from kinetics.markov.panels.observations import Exact, Observation
 from kinetics.network import Model, Network
@@ -41,7 +42,9 @@ def read_counts(
 
     ValueError: a table that cannot be read, an unknown column, or a row that cannot be
     """
-    return _CountsReader(Model.of(model), _wide(read_table(path)), dict(observations or {})).panels()
+    return _CountsReader(
+        Model.of(model), _wide(timed(read_table(path), Model.of(model).network.time_unit)), dict(observations or {})
+    ).panels()
 
 
 def read_snapshots(
@@ -53,7 +56,9 @@ def read_snapshots(
 
     ValueError: as of `read_counts`
     """
-    return _CountsReader(Model.of(model), _wide(read_table(path)), dict(observations or {})).snapshots()
+    return _CountsReader(
+        Model.of(model), _wide(timed(read_table(path), Model.of(model).network.time_unit)), dict(observations or {})
+    ).snapshots()
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.observed.tables import Table, read_table
+from calibration.observed.time_units import timed
 from calibration.observed.windows import Given, ObservationWindow, windows_of_rows, windows_of_table
 from kinetics.markov.panels import EventData
 from kinetics.network import Network, Tank
@@ -97,12 +98,16 @@ def _read(
             f"the network calls something {words.pop()!r}, which means something else in a table: rename it"
         )
     given = Given(network, cubes, single, tank)
-    table = read_table(events)
+    table = timed(read_table(events), network.time_unit)
     table.require("run", "time")
     given.check_titles(table, (*EVENT_COLUMNS, *NOTES))
     if not given.species(table):
         table.require("channel")
-    windows = windows_of_rows(given, table) if runs is None else windows_of_table(given, table, read_table(runs))
+    windows = (
+        windows_of_rows(given, table)
+        if runs is None
+        else windows_of_table(given, table, timed(read_table(runs), network.time_unit))
+    )
     reader = _Reader(given, table)
     rows = reader.rows_by_run()
     for run in rows:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from calibration.estimating.predictive_bands import predictive_bands
+from calibration.estimating.residual_power import PowerOfResiduals, power_of_residuals
 from calibration.estimating.residuals import Residuals, quantile_residuals
 from calibration.observed.fitted_study import FittedStudy, said_of
 from calibration.reporting.report import Chart, Fold, HtmlReport, Part, ReportTable, Text
@@ -52,7 +54,7 @@ def fitted_report(study: FittedStudy, seed: int = 0) -> HtmlReport:
             "How the parameters were estimated",
             [Text(ABOUT_INTERVALS), Text(f"Log-likelihood {found.log_likelihood}.")],
         ),
-        _residual_fold(residuals),
+        _residual_fold(residuals, power_of_residuals(found.likelihood, found.point, seed=seed)),
         Fold("Whole runs against the model", [Text(ABOUT_BANDS)]),
     ]
     if study.compared:
@@ -80,10 +82,15 @@ def _estimates(study: FittedStudy) -> list[dict[str, Any]]:
     return [*rows, *held]
 
 
-def _residual_fold(residuals: Residuals) -> Fold:
-    """The tests of the residuals, and their picture."""
+def _residual_fold(residuals: Residuals, power: Sequence[PowerOfResiduals]) -> Fold:
+    """The tests of the residuals, their size and power, and their picture."""
     rows = [test._asdict() for test in residuals.tests()]
     parts: list[Part] = [Text(ABOUT_RESIDUALS)]
+    if power:
+        told = "; ".join(map(str, power))
+        parts.append(
+            Text(f"Of {power[0].repeats} simulated sets of data with the same runs and looks, at 5 %: {told}.")
+        )
     if rows:
         parts.append(ReportTable("P-values, one row for each column.", rows, "residual-tests"))
         parts.append(Chart("Residuals in order of size.", residuals.plot, rows=residuals.rows(), name="residuals"))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
+from kinetics.network import Network
 from kinetics.support.shown import on_axes
 
 if TYPE_CHECKING:
@@ -90,8 +91,9 @@ class Diagnostic(ABC):
     1. write a frozen dataclass with a `name` and a `question`, whose docstring states the test and its source;
     2. give in `results` a `DiagnosticResult` a channel; if runs cannot answer, p None with the reason, never
        p = 1;
-    3. say in each which model to try next, and in `measured` the size and power that were measured, and how;
-    4. import it in `calibration.estimating.diagnosing`: tests/contracts/test_diagnostics.py then tests it.
+    3. if it makes sense for some networks only, say in `applies` for which;
+    4. say in each which model to try next, and in `measured` the size and power that were measured, and how;
+    5. import it in `calibration.estimating.diagnosing`: tests/contracts/test_diagnostics.py then tests it.
 
     >>> from calibration import DIAGNOSTICS
     >>> [test.name for test in DIAGNOSTICS]
@@ -103,6 +105,10 @@ class Diagnostic(ABC):
     name: ClassVar[str]
     question: ClassVar[str]
     measured: ClassVar[str]
+
+    def applies(self, network: Network) -> bool:  # noqa: ARG002
+        """Whether the question can be put to runs of a network at all."""
+        return True
 
     @abstractmethod
     def results(self, diagnosed: DiagnosedRuns) -> list[DiagnosticResult]:

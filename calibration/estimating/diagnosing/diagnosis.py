@@ -39,7 +39,7 @@ class Diagnosis(Shown):
     >>> decay = Network.from_text("decay: A -> 0, 1")
     >>> diagnosis = diagnose([sample_path(decay, {"A": 40}, end=10.0, seed=1)])
     >>> diagnosis.doubtful, [row["test"] for row in diagnosis.verdicts() if row["p"] is None]
-    ([], ['runs', 'start', 'size', 'rebinding'])
+    ([], ['runs', 'start', 'size'])
     """
 
     tests: tuple[Diagnostic, ...]
@@ -178,6 +178,7 @@ def diagnose(
     (15, ())
     """
     diagnosed = DiagnosedRuns(tuple(paths), fit, None if bonds is None else tuple(bonds), seed)
+    tests = [test for test in tests if test.applies(diagnosed.network)]
     looks = CoarseLooks(diagnosed.runs)
     results: list[DiagnosticResult] = []
     for number, test in enumerate(tests):

@@ -14,7 +14,7 @@ from calibration import plots
 from calibration.estimating.diagnosing.base import ChannelDiagnostic, DiagnosticResult, Judged
 from calibration.estimating.diagnosing.conditional import Trended, spread_test, trend_test
 from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
-from calibration.estimating.joins_and_breaks import WHOLES, joins_and_breaks
+from calibration.estimating.joins_and_breaks import joins_and_breaks
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.intervals import exact_limits
 from kinetics.support.shown import on_axes
@@ -124,8 +124,8 @@ class TrendDiagnostic(ChannelDiagnostic):
         single = super().results(diagnosed)
         pooled = []
         members = joins_and_breaks(diagnosed.network)
-        for whole in WHOLES:
-            name, mine = f"all {whole}", np.flatnonzero(members.get(whole, False)).tolist()
+        for whole, is_member in members.items():
+            name, mine = f"all {whole}", np.flatnonzero(is_member).tolist()
             chosen = [j for j in mine if single[j].p_value is not None]
             n = sum(single[j].events for j in mine)
             if len(chosen) > 1:

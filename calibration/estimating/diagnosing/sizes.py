@@ -27,7 +27,7 @@ class Sizes(TrendDiagnostic):
     name = "size"
     question = "Is a rate the same in small and large systems?"
     single = "all runs that could fire it hold {value}"
-    measured = "size 4.1 % at a level of 5 %; power .96 for a rate in proportion to 60, 80 and 120 cubes at 150 events"
+    measured = "size 4.1 % at a level of 5 %; power .96 for a rate in proportion to sizes 60, 80 and 120 at 150 events"
 
     def values(self, diagnosed: DiagnosedRuns) -> list[Floats]:
         """The size of the system at the start of each run, which it keeps."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from calibration.estimating.diagnosing.base import Diagnostic, DiagnosticResult
 from calibration.estimating.diagnosing.diagnosed_runs import DiagnosedRuns
+from calibration.estimating.diagnosing.rebinding import Rebinding
 from calibration.estimating.diagnosing.renewal import waiting_times
 
 FEWEST = 5  # waits; below, the test sees nothing
@@ -46,7 +47,9 @@ class Waits(Diagnostic):
             return DiagnosticResult(self.name, waits.name, n, reason=reason)
         statistic, p_value = waits.shape_test(diagnosed.random(self.name, waits.name))
         spread = float(np.std(waits.residuals) / np.mean(waits.residuals))
-        remedy = "long and short waits alternate: try the weibull model, or net break rates where pieces rebind"
+        remedy = "long and short waits alternate: try the weibull model"
+        if Rebinding().applies(diagnosed.network):
+            remedy += ", or net break rates where pieces rebind"
         if spread < 1:
             remedy = "waits are too regular, as after a dead time: try the weibull model"
         return DiagnosticResult(
