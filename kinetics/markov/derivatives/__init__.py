@@ -1,6 +1,6 @@
 """Derivatives of answers of a chain by all its rates, adjoint: one solution more for all of them, with bounds."""
 
-from kinetics.markov.derivatives.at_a_time import gradient_at, gradient_up_to
+from kinetics.markov.derivatives.at_a_time import Adjoint, adjoint_at, gradient_at, gradient_up_to
 from kinetics.markov.derivatives.derivatives import Derivatives
 from kinetics.markov.derivatives.eventually import (
     gradient_accumulated,
@@ -20,10 +20,12 @@ from kinetics.markov.derivatives.squaring import gradient_by_squaring
 
 __all__ = [
     "LARGEST_ORDER",
+    "Adjoint",
     "ChannelEntries",
     "Density",
     "Derivatives",
     "Gradient",
+    "adjoint_at",
     "gradient_accumulated",
     "gradient_always",
     "gradient_at",

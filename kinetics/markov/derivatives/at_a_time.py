@@ -46,7 +46,7 @@ from kinetics.markov.transient.poisson import ROUNDOFF, poisson_window
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.markov.transient.uniformisation import MAX_STEPS
 from kinetics.support.answer import Answer
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, Ints
 from kinetics.support.interrupts import short_slices
 
 
@@ -79,6 +79,33 @@ def gradient_at(entries: ChannelEntries, start: Floats, functions: Floats, time:
     (first, window), error = _window(kept.entries.transitions, time)
     passes = Passes(kept, Weights(time, np.append(np.zeros(first), window), 1.0, error))
     return [passes.gradient(f) for f in range(len(functions))]
+
+
+class Adjoint(NamedTuple):
+    """A mean, how it depends on the state in which the chain begins (N,), and its derivatives (K,) by the logarithm of
+    the rate of each transition."""
+
+    mean: float
+    later: Floats
+    derivatives: Floats
+
+
+def adjoint_at(chain: Transitions, start: Floats, values: Floats, time: float) -> Adjoint:
+    """The mean of `values` (N,), none negative, at a time, tu, with all its derivatives, from a start (N,).
+
+    `later` is 0 for states that are not reached from the start. No bounds; ValueError: too many steps, or too little
+    memory
+    """
+    entries = ChannelEntries(chain._replace(channels=np.arange(chain.rates.size)), chain.rates.size)
+    kept = Kept.of(entries, start, values[None, :])
+    if time == 0.0 or not kept.entries.transitions.rates.any():
+        return Adjoint(float(start @ values), values, np.zeros(chain.rates.size))
+    (first, window), error = _window(kept.entries.transitions, time)
+    weights = Weights(time, np.append(np.zeros(first), window), 1.0, error)
+    found, by_entry = Passes(kept, weights).adjoint(0)
+    later = np.zeros(start.size)
+    later[kept.places] = found[: kept.places.size]
+    return Adjoint(float(start @ later), later, by_entry)
 
 
 def gradient_up_to(
@@ -126,6 +153,7 @@ class Kept(NamedTuple):
 
     start : (N,); functions : (F, N), each at most 1, in units of `scales` (F,)
     impulses : (K,) what each jump adds to the values of the state that it leaves, in proportion to its rate
+    places : of the states that matter, among all
     """
 
     entries: ChannelEntries
@@ -133,6 +161,7 @@ class Kept(NamedTuple):
     functions: Floats
     scales: Floats
     impulses: Floats | None
+    places: Ints
 
     @classmethod
     def of(cls, entries: ChannelEntries, start: Floats, functions: Floats, impulses: Floats | None = None) -> Kept:
@@ -141,11 +170,12 @@ class Kept(NamedTuple):
         scales = np.where(functions.any(axis=1), functions.max(axis=1), 1.0)
         shares = functions / scales[:, None]
         kept = chain.reached_from(start > 0) & chain.leading_to(shares.max(axis=0) > 0)
+        places = np.flatnonzero(kept)
         if kept.all():
-            return cls(entries, start, shares, scales, impulses)
+            return cls(entries, start, shares, scales, impulses, places)
         inside = entries._replace(transitions=chain.within(kept))
         start, shares = np.append(start[kept], 0.0), np.append(shares[:, kept], np.zeros((len(shares), 1)), axis=1)
-        return cls(inside, start, shares, scales, None if impulses is None else impulses[kept[chain.rows]])
+        return cls(inside, start, shares, scales, None if impulses is None else impulses[kept[chain.rows]], places)
 
 
 class Back(NamedTuple):
@@ -187,7 +217,7 @@ class Passes:
 
     def gradient(self, f: int) -> Gradient:
         """The gradient of the mean of one of the functions."""
-        entries, start, functions, scales, impulses = self._kept
+        entries, start, functions, scales, impulses, _ = self._kept
         chain, scale, lost = entries.transitions, float(scales[f]), self._lost
         found = self._back(functions[f])
         mean, share = float(start @ found.later), chain.rates / self._rate
@@ -210,6 +240,14 @@ class Passes:
             value, wide = value + direct, wide + 1.01 * relative * direct
         answer = Answer.within(mean * scale, relative + ROUNDOFF * (start.size + 2), chain.is_certified, lost * scale)
         return Gradient(answer, value * scale, wide * scale, chain.is_certified)
+
+    def adjoint(self, f: int) -> tuple[Floats, Floats]:
+        """Means (N,) of one of the functions from each state, and derivatives (C,) of that from the start by ln rate of
+        each channel."""
+        entries, scale = self._kept.entries, float(self._kept.scales[f])
+        found = self._back(self._kept.functions[f])
+        share = entries.transitions.rates / self._rate
+        return found.later * scale, entries.by_channel(share * found.gained[self._places]) * scale
 
     def _back(self, values: Floats) -> Back:
         """A pass backwards of a function (N,).

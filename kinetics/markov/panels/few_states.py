@@ -76,6 +76,14 @@ class FewStates:
         return cls(space, order, space.index_of(initial[order]), alive, each, which.reshape(shape), fired, seen)
 
     @cached_property
+    def numbers(self) -> list[list[tuple[Floats, Ints]]]:
+        """Of each look and column all different numbers seen, and the place of each run's (R,) among them."""
+        return [
+            [np.unique(column, return_inverse=True) for column in seen[:alive].T]
+            for seen, alive in zip(self.seen, self.alive, strict=True)
+        ]
+
+    @cached_property
     def entries(self) -> tuple[Ints, Ints, Ints]:
         """Rows, columns and channels (K,) of all transitions."""
         found = ChannelEntries(self.space.transitions(), len(self.space.network.channels))
@@ -88,8 +96,8 @@ class FewPass:
     ValueError of a look that cannot be; `fits` says whether the matrices are few and small enough.
     """
 
-    def __init__(self, few: FewStates, network: Network, data: PanelData) -> None:
-        self._few, self._network, self._data = few, network, data
+    def __init__(self, few: FewStates, network: Network, data: PanelData, slopes: Slopes) -> None:
+        self._few, self._network, self._data, self._of = few, network, data, slopes
         self.is_certified = all(each.is_certified for each in data.observations.values())
         space = StateSpace(network, few.space.states, few.space.is_stopped)
         self.chain = space.transitions()
@@ -103,9 +111,9 @@ class FewPass:
         self.n_steps = poisson_bounds(min(mean, MOST_MEAN), LEFT_OUT)[1] + 1
         self._counted = space.states @ data.weights(network).T
 
-    def fits(self, parameters: int) -> bool:
-        """Whether powers and matrices, with so many derivatives, are small enough."""
-        each = self.n**2 * (parameters + 1.0)
+    def fits(self) -> bool:
+        """Whether powers and matrices, with their derivatives, are small enough."""
+        each = self.n**2 * (self._of.size + 1.0)
         numbers = each * (self.n_steps + self._few.lengths.size)
         return self.squarings <= MOST_SQUARINGS and numbers <= MOST_NUMBERS
 
@@ -174,17 +182,20 @@ class FewPass:
             moved = matrices[:, None] @ moved + moved @ matrices[:, None]
         return moved
 
-    def _chances(self, look: int) -> Floats:
-        """Probability (R, N) of what was seen at a look in each state."""
-        alive = self._few.alive[look]
-        found = np.ones((alive, self.n))
-        for column, observation in enumerate(self._data.observations.values()):
-            found *= self._table(look, column, observation.weights)
+    @cached_property
+    def _chances(self) -> list[Floats]:
+        """Probability (R, N) of what was seen at each look in each state."""
+        found = []
+        for look, alive in enumerate(self._few.alive):
+            chances = np.ones((alive, self.n))
+            for column, observation in enumerate(self._data.observations.values()):
+                chances *= self._table(look, column, observation.weights)
+            found.append(chances)
         return found
 
     def _table(self, look: int, column: int, numbers: Callable[[Floats, float], Floats]) -> Floats:
         """What an observation gives (R, N) of what was seen in a column; 1 where nothing was."""
-        seen, place = np.unique(self._few.seen[look, : self._few.alive[look], column], return_inverse=True)
+        seen, place = self._few.numbers[look][column]
         counted = self._counted[:, column]
         return np.array([np.ones(self.n) if np.isnan(each) else numbers(counted, float(each)) for each in seen])[place]
 
@@ -217,7 +228,7 @@ class FewPass:
             now = now[:alive]
             before.append(now)
             there = np.einsum("rn,rnm->rm", now, self._matrices[few.which[look, :alive]])
-            chances = self._chances(look)
+            chances = self._chances[look]
             after = self._fired(look, rates, there, True) * chances
             chance = after.sum(axis=1)
             if not (chance > 0.0).all():
@@ -228,12 +239,12 @@ class FewPass:
             total += float(np.log(chance).sum())
             error += alive * self._wrong
         left, fastest = 2.0 * LEFT_OUT * 2.0**self.squarings, max(1.0, float(rates.sum(axis=2).max(initial=0.0)))
-        for run in range(len(few.starts)):
-            looks = [look for look, alive in enumerate(few.alive) if run < alive]
-            chances_of_run = np.array([seen[look][run] for look in looks])
-            chances_of_run /= np.where(few.fired[looks, run] >= 0, fastest, 1.0)
-            is_known = np.array([known[look][run] for look in looks])
-            error += amplified(np.full(len(looks), left), chances_of_run, is_known)
+        shape = few.which.shape
+        tiny, ahead, is_known = np.zeros(shape), np.ones(shape), np.zeros(shape, dtype=bool)
+        for look, alive in enumerate(few.alive):
+            tiny[look, :alive], is_known[look, :alive] = left, known[look]
+            ahead[look, :alive] = seen[look] / np.where(few.fired[look, :alive] >= 0, fastest, 1.0)
+        error += float(amplified(tiny, ahead, is_known).sum())
         if not error < inf:
             self.is_certified, error = False, self._data.looks * self._wrong
         return before, seen, total, error
@@ -274,8 +285,12 @@ class FewPass:
         """Bound on the error of the log-likelihood, before its sum was rounded."""
         return self._filtered[3]
 
-    def gradient(self, slopes: Slopes) -> Floats:
+    @cached_property
+    def gradient(self) -> Floats:
         """Derivatives (P,) by the logarithms of the parameters."""
+        slopes = self._of
+        if not slopes.size:
+            return np.zeros(0)
         few, (before, seen, _, _) = self._few, self._filtered
         moved, rates = self._slopes(slopes), self._events(self._network)
         rows, columns, channels = few.entries
@@ -285,7 +300,7 @@ class FewPass:
         for look in reversed(range(len(few.alive))):
             alive = few.alive[look]
             later = np.concatenate([later, np.ones((alive - len(later), self.n))])
-            chances = self._chances(look)
+            chances = self._chances[look]
             values = chances * later / seen[look][:, None]
             goal = self._fired(look, rates, values, False)
             which, now = few.which[look, :alive], before[look]

@@ -21,25 +21,27 @@ from math import expm1, inf, log
 
 import numpy as np
 
-from kinetics.markov.derivatives import ChannelEntries, gradient_at
+from kinetics.markov.derivatives import adjoint_at
 from kinetics.markov.panels.base import Likelihood, Observed, Scored
+from kinetics.markov.panels.bridges import KnownSteps, Narrowing, StepSource, missed
+from kinetics.markov.panels.carrying import Carried
 from kinetics.markov.panels.data import PanelData, PanelRun
 from kinetics.markov.panels.few_states import FewPass, FewStates
-from kinetics.markov.panels.panel_step import PanelStep, amplified, carried, chances_of
+from kinetics.markov.panels.moving_windows import StepFinder
+from kinetics.markov.panels.panel_step import PanelStep, amplified
 from kinetics.markov.panels.slopes import Slopes
-from kinetics.markov.passage.backward import LEFT_OUT, LOST, expected_from_all
+from kinetics.markov.passage.backward import LOST
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.search import MAX_STATES
-from kinetics.markov.transient.transitions import totals
 from kinetics.network import Model, Network
 from kinetics.network.network import check_homogeneous
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Floats, Ints
 
 METHOD = "forward filter by uniformisation"
-FORGOTTEN = 1e-60  # of the Poisson probability, before a look after which the state is known
 LARGEST = 700.0  # error of a logarithm beyond which nothing is known
-MOST_LOST = 1e-8  # of the probability of a look, before the likely states are found anew
+MOST_MISSED = 1e-6  # of the likelihood, before its bridges are found anew
+UNLIKELY = 1e-9  # probability of a look, below which likely states do not hold its bridge to many digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +52,9 @@ class PanelLikelihood(Likelihood):
     data : runs, columns and how they were observed
     max_states : the most states between two looks; more are refused
 
-    Which states matter is found once; each value takes one pass over them.
+    Which states matter is found once; each value takes one pass over them. Of a network that can reach more states than
+    are worth listing, a value alone has proven bounds, from all likely states, which are found anew each time. With
+    derivatives it is an estimate: it takes only the states that matter to both looks, far fewer, and keeps them.
 
     ValueError: the rates depend on the time, or a look cannot be reached
 
@@ -74,12 +78,11 @@ class PanelLikelihood(Likelihood):
         network, data = self.network_at(point or {}), self.data_at(point or {})
         total, error, gradient, certified = 0.0, 0.0, np.zeros(len(names)), True
         slopes = self._slopes(network, point or {}, names, list(data.columns))
-        for passed, copies in self._passes(network, data, len(names)):
+        for passed, copies in self._passes(network, data, slopes):
             total += copies * passed.log_likelihood
             error += copies * passed.error
             certified &= passed.is_certified
-            if names:
-                gradient += copies * passed.gradient(slopes)
+            gradient += copies * passed.gradient
         error = 1.01 * (expm1(error) if error < LARGEST else inf) + 4.0 * ROUNDOFF * (data.looks + 1) * (
             1.0 + abs(total)
         )
@@ -109,27 +112,41 @@ class PanelLikelihood(Likelihood):
         """Of each run, before each of its looks: the states (n, S) possible just after the last one, and their
         probabilities (n,) given all that was seen until then."""
         network, data = self.network_at(point or {}), self.data_at(point or {})
-        structure = self._structure(network)
+        structure, nothing = self._structure(network), self._slopes(network, point or {}, ())
         if structure.few is not None:
-            together = FewPass(structure.few, network, data)
-            if together.fits(0):
+            together = FewPass(structure.few, network, data, nothing)
+            if together.fits():
                 return together.filtered
-        return [_Pass(structure.steps_of(data, r, run), network, data, run).filtered for r, run in enumerate(data.runs)]
+        return [self._pass(structure.steps, r, network, data, nothing).filtered for r in range(len(data.runs))]
 
-    def _passes(self, network: Network, data: PanelData, parameters: int) -> Iterator[tuple[_Pass | FewPass, int]]:
+    def _passes(self, network: Network, data: PanelData, slopes: Slopes) -> Iterator[tuple[_Pass | FewPass, int]]:
         """One pass over all runs where states are few, else one for all runs that are alike, and how many these are."""
         structure = self._structure(network)
         if structure.few is not None:
-            together = FewPass(structure.few, network, data)
-            if together.fits(parameters):
+            together = FewPass(structure.few, network, data, slopes)
+            if together.fits():
                 yield together, 1
                 return
         for r, copies in self._alike.items():
-            run = data.runs[r]
-            passed = _Pass(structure.steps_of(data, r, run), network, data, run)
-            if passed.lost > MOST_LOST:  # the states were likely at other rates
-                passed = _Pass(structure.renewed(network).steps_of(data, r, run), network, data, run)
-            yield passed, copies
+            yield self._pass(structure.steps, r, network, data, slopes), copies
+
+    def _pass(
+        self, known: dict[int, list[PanelStep]], r: int, network: Network, data: PanelData, slopes: Slopes
+    ) -> _Pass:
+        """One pass over a run: with proven bounds, or for a gradient over the bridges, which are found first."""
+        run, steps, narrows = data.runs[r], known.get(r), bool(slopes.size)
+        if steps is not None and (narrows or not any(step.is_projected for step in steps)):
+            passed = _Pass(KnownSteps(steps, network), network, data, run, keeps=narrows)
+            if not narrows or passed.score(slopes) < MOST_MISSED or passed.least < UNLIKELY:
+                return passed
+        bridges = Narrowing(StepFinder(network, data, run, self.max_states), network, data, run, narrows)
+        passed = _Pass(bridges, network, data, run, keeps=False)
+        if bridges.is_whole:
+            known[r] = bridges.steps
+        if narrows:
+            passed = _Pass(KnownSteps(bridges.steps, network), network, data, run, keeps=True)
+            passed.score(slopes)
+        return passed
 
     @cached_property
     def _alike(self) -> dict[int, int]:
@@ -148,152 +165,113 @@ class PanelLikelihood(Likelihood):
         key = (*happens, *(network.parameters.values() if network.laws else ()))
         if key not in self._known:
             self._known.clear()
-            self._known[key] = _Structure(network, self.data, self.max_states)
+            self._known[key] = _Structure(network, self.data)
         return self._known[key]
 
 
 class _Structure:
-    """The states between looks, found when first asked for."""
+    """All states, where they are few; else the steps of each run, by its place among all, once they were found."""
 
-    def __init__(self, network: Network, data: PanelData, max_states: int) -> None:
+    def __init__(self, network: Network, data: PanelData) -> None:
         check_homogeneous(network)
-        self._network, self._data, self._max_states = network, data, max_states
-        self._steps: dict[int, list[PanelStep]] = {}
-
-    @cached_property
-    def few(self) -> FewStates | None:
-        """All states, where they are few."""
-        return FewStates.of(self._network, self._data)
-
-    def renewed(self, network: Network) -> _Structure:
-        """The same, with likely states found anew at the rates of this network."""
-        self._network = network
-        self._steps.clear()
-        return self
-
-    def steps_of(self, data: PanelData, r: int, run: PanelRun) -> list[PanelStep]:
-        """The steps of a run, one a look."""
-        if r not in self._steps:
-            states, found = run.initial[None, :], []
-            for look in range(run.times.size):
-                found.append(PanelStep.of(self._network, data, run, look, states, self._max_states))
-                states = found[-1].seen_states
-            self._steps[r] = found
-        return self._steps[r]
+        self.few = FewStates.of(network, data)
+        self.steps: dict[int, list[PanelStep]] = {}
 
 
 class _Pass:
-    """The filter over one run, forwards."""
+    """The filter over one run, forwards; it keeps what a gradient needs, or not."""
 
-    def __init__(self, steps: Sequence[PanelStep], network: Network, data: PanelData, run: PanelRun) -> None:
-        self._steps, self._network, self._data, self._run = steps, network, data, run
-        self._weights = data.weights(network)
-        self._lengths = np.diff(run.times, prepend=run.start)
-        self._filtered = [np.ones(1)]
-        self._chains = [step.chain(network) for step in steps]
-        self._before: list[Floats] = []
-        self.log_likelihood, self.error, self.lost = 0.0, 0.0, 0.0
-        self.is_certified = all(chain.is_certified for chain in self._chains) and all(
-            each.is_certified for each in data.observations.values()
-        )
-        tiny, chances = [], []
-        for step, chain, length in zip(steps, self._chains, self._lengths, strict=True):
-            left_out = FORGOTTEN if len(step.ends) == 1 else LEFT_OUT
-            there, relative = carried(chain, step.start(self._filtered[-1]), float(length), left_out)
-            before = there[step.ends]
-            after = self._forwards(step, before) * self._chances(step, len(self._before))
+    def __init__(self, steps: StepSource, network: Network, data: PanelData, run: PanelRun, keeps: bool) -> None:
+        self._network, self._data, self._run = network, data, run
+        self._carried: list[Carried] = []
+        self.log_likelihood, self.least = 0.0, 1.0
+        self._rounded = 0.0
+        self.is_certified = all(each.is_certified for each in data.observations.values())
+        self.gradient = np.zeros(0)
+        self.filtered = [(run.initial[None, :], np.ones(1))]  # states possible before each look, and their chances
+        tiny, chances, is_known = [], [], []
+        now, part = np.ones(1), 1.0
+        while (found := steps.next(now)) is not None:
+            step, chain, there = found.step, found.chain, found.there
+            after = step.forwards(network, there[step.ends]) * step.chances(network, data, run)
             probability = float(after.sum())
             if not probability > 0.0:
                 raise ValueError(
-                    f"{run.named(len(self._before))}: this has a probability below 1e-300 at these rates; begin with "
-                    f"other values"
+                    f"{run.named(step.look)}: this has a probability below 1e-300 at these rates; begin with other "
+                    f"values"
                 )
-            self._before.append(before)
-            self._filtered.append(after / probability)
+            if keeps:
+                self._carried.append(found)
+            now = after / probability
             self.log_likelihood += log(probability)
-            rounded = ROUNDOFF * (after.size + chain.roundings + len(self._weights) + 8.0)
-            self.error += relative + rounded
-            self.lost = max(self.lost, float(there[-2]) / probability)
+            part *= probability
+            if step.look >= 0:
+                self.least, part = min(self.least, part), 1.0
+                self.filtered.append((step.seen_states, now))
+            rounded = ROUNDOFF * (after.size + chain.roundings + len(data.columns) + 8.0)
+            self._rounded += found.relative + rounded
             most = 1.0 if step.jumps is None else max(1.0, float(step.jump_rates(network).sum()))
-            tiny.append(float(there[-2]) + left_out + LOST * (1 + there.size))
+            tiny.append(found.left + LOST * (1 + there.size))
             chances.append(probability / most)
+            is_known.append(step.look >= 0 and len(step.seen_states) == 1)
+            self.is_certified &= chain.is_certified
             self.is_certified &= step.jumps is None or not step.is_projected  # beyond, an event might be of any rate
-        share = amplified(np.array(tiny), np.array(chances), np.array([len(step.seen_states) == 1 for step in steps]))
+        self.filtered.pop()  # after the last look there is none
+        share = float(amplified(np.array(tiny), np.array(chances), np.array(is_known)))
         self.is_certified &= share < np.inf
-        self.error += share if share < np.inf else 0.0
-
-    def _chances(self, step: PanelStep, look: int) -> Floats:
-        """Of what was seen, in the states after a look, as it is observed now."""
-        return chances_of(self._data, self._run, look, step.seen_states @ self._weights.T)
-
-    def _forwards(self, step: PanelStep, before: Floats) -> Floats:
-        """Probabilities of the states after a look, from those just before the event that comes with it."""
-        if step.jumps is None:
-            return before
-        flow = before[step.jumps.before] * step.jump_rates(self._network)
-        return totals(step.jumps.after, flow, len(step.seen_states))
-
-    def _backwards(self, step: PanelStep, after: Floats) -> Floats:
-        """Values of the states just before the event of a look, from those after it."""
-        if step.jumps is None:
-            return after
-        flow = after[step.jumps.after] * step.jump_rates(self._network)
-        return totals(step.jumps.before, flow, len(step.ends))
+        self._left = share if share < np.inf else 0.0
 
     @property
-    def filtered(self) -> list[tuple[Ints, Floats]]:
-        """States possible just before each step, and their probabilities."""
-        states = [self._run.initial[None, :], *(step.seen_states for step in self._steps[:-1])]
-        return list(zip(states, self._filtered, strict=False))
+    def error(self) -> float:
+        """Bound on the error of the log-likelihood, or of what a bridge misses an estimate."""
+        return self._rounded + self._left
 
-    def gradient(self, slopes: Slopes) -> Floats:
-        """Derivatives (P,) of the log-likelihood by the logarithms of the parameters."""
-        found = np.zeros(slopes.size)
-        later = np.ones(len(self._steps[-1].seen_states)) if self._steps else np.ones(1)
-        for look in reversed(range(len(self._steps))):
-            step, chain, start = self._steps[look], self._chains[look], self._filtered[look]
-            chances = self._chances(step, look)
-            seen = chances * later
-            values = np.zeros(len(step.states) + 2)
-            values[step.ends] = self._backwards(step, seen)
+    def score(self, slopes: Slopes) -> float:
+        """Find the derivatives (P,) of the log-likelihood by the logarithms of the parameters, as `gradient`.
+
+        Over bridges, return an estimate of the share of the likelihood that they miss.
+        """
+        found, lost = np.zeros(slopes.size), 0.0
+        later = np.ones(len(self._carried[-1].step.seen_states)) if self._carried else np.ones(1)
+        for carried in reversed(self._carried):
+            step = carried.step
+            seen = step.chances(self._network, self._data, self._run) * later
+            values = step.backwards(self._network, seen)
             scale = float(values.max())
             values /= scale
-            length = float(self._lengths[look])
-            if length > 0.0 and chain.rates.any():
-                entries = ChannelEntries(chain._replace(channels=np.arange(chain.rates.size)), chain.rates.size)
-                (mean,) = gradient_at(entries, step.start(start), values[None, :], length)
-                probability = mean.answer.value
-                found += slopes.of_rates(step.states, step.rows, step.channels) @ mean.value / probability
-                if step.begins.size == 1:
-                    before = step.start(np.array([probability]))
-                else:
-                    before, _ = expected_from_all(chain, values, length)
-            else:
-                before = values
-                probability = float(step.start(start) @ values)
+            mean, back, by_entry = adjoint_at(carried.chain, carried.start, values, step.length)
+            found += slopes.of_rates(step.states, step.rows, step.channels) @ by_entry / mean
+            if step.is_projected:
+                lost += missed(carried, values, back)
+            before = carried.there[step.ends]
             if step.jumps is not None:
-                there = self._before[look][step.jumps.before] * step.jump_rates(self._network)
+                there = before[step.jumps.before] * step.jump_rates(self._network)
                 there *= seen[step.jumps.after] / scale
                 rows = step.ends[step.jumps.before]
-                found += slopes.of_rates(step.states, rows, step.jumps.channels) @ there / probability
-            for p, column in slopes.columns.items():
-                found[p] += float(self.observed(step, look, column) @ later) / (scale * probability)
-            later = before[step.begins] / probability
-        return found
+                found += slopes.of_rates(step.states, rows, step.jumps.channels) @ there / mean
+            if step.look >= 0:
+                for p, column in slopes.columns.items():
+                    found[p] += float(self._observed(carried, column) @ later) / (scale * mean)
+            later = back[step.begins] / mean
+        self.gradient = found
+        if any(carried.step.is_projected for carried in self._carried):
+            self._left, self.is_certified = lost, False
+        return lost
 
-    def observed(self, step: PanelStep, look: int, column: int) -> Floats:
+    def _observed(self, carried: Carried, column: int) -> Floats:
         """How the probability (F,) of all states after a look changes with the parameter of a column, times that of
         being there."""
-        there = self._forwards(step, self._before[look])
+        step = carried.step
+        there = step.forwards(self._network, carried.there[step.ends])
         observation = list(self._data.observations.values())[column]
-        seen = float(self._run.seen[look, column])
+        seen = float(self._run.seen[step.look, column])
         if np.isnan(seen) or observation.parameter is None:
             return np.zeros(there.size)
-        counted = step.seen_states @ self._weights.T
+        counted = step.seen_states @ self._data.weights(self._network).T
         others = np.ones(there.size)
         for c, each in enumerate(self._data.observations.values()):
-            if c != column and not np.isnan(self._run.seen[look, c]):
-                others *= each.weights(counted[:, c], float(self._run.seen[look, c]))
+            if c != column and not np.isnan(self._run.seen[step.look, c]):
+                others *= each.weights(counted[:, c], float(self._run.seen[step.look, c]))
         return there * others * observation.slopes(counted[:, column], seen) * observation.parameter
 
 

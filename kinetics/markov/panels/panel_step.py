@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from kinetics.markov.derivatives import ChannelEntries
 from kinetics.markov.panels.data import PanelData, PanelRun
-from kinetics.markov.passage.backward import jump_rate, one_step, steps_until, weights_errors
 from kinetics.markov.passage.until import Mask
-from kinetics.markov.transient.poisson import ROUNDOFF, poisson_window
-from kinetics.markov.transient.projection import likely_states
-from kinetics.markov.transient.search import Search, TooManyStatesError
+from kinetics.markov.transient.search import Search
 from kinetics.markov.transient.states import StateSpace
-from kinetics.markov.transient.transitions import Transitions
-from kinetics.markov.transient.uniformisation import MAX_STEPS, STEP_SECONDS
+from kinetics.markov.transient.transitions import Transitions, totals
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints
-from kinetics.support.cli.progress import forecast
-from kinetics.support.packages import sparse
-from kinetics.support.tables import rough
-
-EXPLORED = 20_000  # states; where more can be reached, likely ones are enough
-LOST_AT_MOST = 1e-13  # of the probability between two looks, where only likely states are kept
 
 
 class Jumps(NamedTuple):
@@ -37,20 +28,24 @@ class Jumps(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PanelStep:
-    """The chain between two looks.
+    """The chain over a time in which nothing is seen until its end: between two looks, or over a part of that time.
 
-    Two states more are never left: what was lost because the states are not all that can be reached, and what cannot
+    Two states more are never left: N, for what leaves the states although it may matter, and N + 1, for what cannot
     lead to the later look.
 
+    look : at the end; -1 if it is none, but a time between two looks
+    length : tu
     states : (N, S)
-    begins : (M,) places of the states that were possible at the earlier look, in their order
-    ends : (E,) places of those possible just before the later one
+    begins : (M,) places of the states that were possible at the beginning, in their order
+    ends : (E,) places of those possible at the end, just before the look
     rows, columns, channels : (K,) of the transitions
-    jumps : the event at the later look, between places in `ends` and in `seen_states`; None if there is none
-    seen_states : (F, S) states that are possible after the later look
+    jumps : the event at the look, between places in `ends` and in `seen_states`; None if there is none
+    seen_states : (F, S) states that are possible after the look
     is_projected : whether there are so many states that only likely ones are kept
     """
 
+    look: int
+    length: float
     states: Ints
     begins: Ints
     ends: Ints
@@ -62,66 +57,69 @@ class PanelStep:
     is_projected: bool
 
     @classmethod
-    def of(
-        cls, network: Network, data: PanelData, run: PanelRun, look: int, begins: Ints, max_states: int
-    ) -> PanelStep:
-        """The step to a look of a run from the states (M, S) that were possible before.
+    def of(cls, network: Network, data: PanelData, run: PanelRun, look: int, begins: Ints, most: int) -> PanelStep:
+        """The step to a look of a run from the states (M, S) that were possible before, over all that can be reached.
 
-        ValueError: what was seen cannot be, or too many states
+        ValueError: what was seen cannot be. TooManyStatesError: more than `most`
         """
-        fired = _channels_of(network, data, int(run.fired[look]))  # type: ignore[index]
-        weights = data.weights(network)
-        length = float(run.times[look] - (run.times[look - 1] if look else run.start))
-        is_projected = False
+        length = length_before(run, look)
         states, is_stopped = begins, np.ones(len(begins), dtype=bool)
         if length > 0.0:
-            bounds = _bounds(data, run, look, weights, network, fired)
-            search = Search(network, begins, min(EXPLORED, max_states), lambda states: _is_hopeless(states, *bounds))
-            try:
-                search.go_on(0)
-                states, is_stopped = search.states.copy(), search.stopped()
-            except TooManyStatesError:
-                is_projected = True
-                states = likely_states(network, begins, length, LOST_AT_MOST, max_states)
-                is_stopped = _is_hopeless(states, *bounds)
+            search = Search(network, begins, most, hopeless(network, data, run, look))
+            search.go_on(0)
+            states, is_stopped = search.states.copy(), search.stopped()
         space = StateSpace(network, states, is_stopped)
-        entries = ChannelEntries(space.transitions(), len(network.channels))
-        out = _ways_out(network, space) if is_projected else (np.empty(0, dtype=np.int64),) * 2
-        moves = entries.transitions
-        rows, channels = np.append(moves.rows, out[0]), np.append(entries.channels, out[1])
-        columns = np.append(moves.columns, np.full(out[0].size, len(states)))
-        if fired is None:
-            ends, jumps = np.flatnonzero(chances_of(data, run, look, states @ weights.T) > 0), None
-            seen_states = states[ends]
-        else:
-            ends, jumps, seen_states = _jumps(network, states, fired)
-            chances = chances_of(data, run, look, seen_states @ weights.T)
-            ends, jumps, seen_states = _possible(ends, jumps, seen_states, chances)
+        moves = space.transitions()
+        ends, jumps, seen_states = ends_at(network, data, run, look, states)
         if not len(ends):
             raise unreachable(network, data, run, look, begins)
-        # Only states that lead to an end; those of the beginning stay, so that their order does. A channel whose events
-        # are recorded did not fire between two looks: that leads to nothing that was seen.
-        n = len(states)
-        columns = np.where(np.isin(channels, recorded_channels(network, data)), n + 1, columns)
-        whole = Transitions(rows, columns, np.ones(rows.size), np.zeros(n + 2), 0.0, channels)
-        goal = np.zeros(n + 2, dtype=bool)
+        goal = np.zeros(len(states), dtype=bool)
         goal[ends] = True
-        kept = whole.leading_to(goal)
-        kept[: len(begins)] = kept[n] = True
-        part, place = ChannelEntries(whole.within(kept), 0), np.cumsum(kept) - 1
-        moves = part.transitions
-        begin_places = place[: len(begins)]
-        return cls(
-            states[kept[:n]],
-            begin_places,
-            place[ends],
+        channels = ChannelEntries(moves, len(network.channels)).channels
+        columns, happens = without_record(network, data, moves.columns, channels, len(states) + 1)
+        leading = moves._replace(rows=moves.rows[happens], columns=moves.columns[happens], rates=moves.rates[happens])
+        kept = leading.leading_to(goal)
+        kept[: len(begins)] = True  # so that their order stays
+        whole = cls(
+            look,
+            length,
+            states,
+            np.arange(len(begins)),
+            ends,
             moves.rows,
-            moves.columns,
-            part.channels,
+            columns,
+            channels,
             jumps,
             seen_states,
-            is_projected,
+            False,
         )
+        return whole.within(kept, len(states) + 1)
+
+    def within(self, kept: Mask, rest: int) -> PanelStep:
+        """The step over the states kept (N,), begins and ends among them; the others become the state N or N + 1."""
+        n, m = len(self.states), int(np.count_nonzero(kept))
+        place = np.append(np.where(kept, np.cumsum(kept) - 1, m + rest - n), [m, m + 1])
+        goes = kept[self.rows]
+        return replace(
+            self,
+            states=self.states[kept],
+            begins=place[self.begins],
+            ends=place[self.ends],
+            rows=place[self.rows[goes]],
+            columns=place[self.columns[goes]],
+            channels=self.channels[goes],
+        )
+
+    def with_begins(self, kept: Mask) -> PanelStep:
+        """The step that begins only in these (M,) of its states."""
+        return replace(self, begins=self.begins[kept])
+
+    def with_ends(self, kept: Mask) -> PanelStep:
+        """The step after which only these (F,) of `seen_states` are possible."""
+        if self.jumps is None:
+            return replace(self, ends=self.ends[kept], seen_states=self.seen_states[kept])
+        ends, jumps, states = _possible(self.ends, self.jumps, self.seen_states, kept)
+        return replace(self, ends=ends, jumps=jumps, seen_states=states)
 
     def chain(self, network: Network) -> Transitions:
         """The transitions at the rates of a network."""
@@ -133,6 +131,28 @@ class PanelStep:
             error = float(space.rate_errors.max(initial=0.0))
         leaks = np.zeros(len(self.states) + 2)
         return Transitions(self.rows, self.columns, rates, leaks, error, self.channels)
+
+    def forwards(self, network: Network, before: Floats) -> Floats:
+        """Probabilities (F,) of the states after a look, from those (E,) just before the event that comes with it."""
+        if self.jumps is None:
+            return before
+        flow = before[self.jumps.before] * self.jump_rates(network)
+        return totals(self.jumps.after, flow, len(self.seen_states))
+
+    def backwards(self, network: Network, after: Floats) -> Floats:
+        """Values (N + 2,) just before the event of a look, from those (F,) of the states after it."""
+        values = np.zeros(len(self.states) + 2)
+        if self.jumps is not None:
+            flow = after[self.jumps.after] * self.jump_rates(network)
+            after = totals(self.jumps.before, flow, len(self.ends))
+        values[self.ends] = after
+        return values
+
+    def chances(self, network: Network, data: PanelData, run: PanelRun) -> Floats:
+        """Probability (F,), or density, of what was seen, in each of `seen_states`; 1 where it is no look."""
+        if self.look < 0:
+            return np.ones(len(self.seen_states))
+        return chances_of(data, run, self.look, self.seen_states @ data.weights(network).T)
 
     def start(self, chances: Floats) -> Floats:
         """Probabilities (N + 2,) from those (M,) at the earlier look."""
@@ -148,51 +168,22 @@ class PanelStep:
         return np.asarray(network.propensities(before)[np.arange(len(before)), self.jumps.channels])
 
 
-def amplified(tiny: Floats, chances: Floats, is_known: Mask) -> float:
-    """Bound on the share of a run's probability that is missing, where at each look (L,) a probability `tiny` was left
-    out.
+def amplified(tiny: Floats, chances: Floats, is_known: Mask) -> Floats:
+    """Bounds (...) on the share of each run's probability that is missing, if at each look (L, ...) a probability
+    `tiny` was left out.
 
-    chances : (L,) of each look given those before, over the largest that it may have: 1, or the rate of its event
-    is_known : (L,) whether only one state is possible after it
+    chances : (L, ...) of each look given those before, over the largest that it may have: 1, or the rate of its event
+    is_known : (L, ...) whether only one state is possible after it
 
     What was left out before a look might have made all later ones, each with certainty, up to the next look after which
     the state is known: from there on, the future is that of all else. inf where these looks together are too unlikely.
     """
-    share, ahead = 0.0, 1.0
+    share, ahead = np.zeros(tiny.shape[1:]), np.ones(tiny.shape[1:])
     for left, chance, known in zip(tiny[::-1], chances[::-1], is_known[::-1], strict=True):
-        ahead = float(chance) * (1.0 if known else ahead)
-        share += float(left) / ahead if ahead > 0.0 else np.inf
+        ahead = chance * np.where(known, 1.0, ahead)
+        with np.errstate(divide="ignore", over="ignore"):
+            share = share + left / ahead
     return share
-
-
-def carried(chain: Transitions, start: Floats, time: float, left_out: float) -> tuple[Floats, float]:
-    """Probabilities (N,) after a time, tu, from those at the start (N,), and the relative error of each.
-
-    left_out : of the Poisson probability of more steps, which is beyond that error, as are numbers below 1e-300
-
-    As `expected_from_all`, forwards. ValueError: too many steps
-    """
-    if time == 0.0 or not chain.rates.any():
-        return start.copy(), 0.0
-    steps = steps_until(chain, time)
-    if steps > MAX_STEPS:
-        raise ValueError(
-            f"the chain is too stiff: {steps:.3g} steps between two looks {time:g} tu apart, at most {MAX_STEPS}"
-        )
-    forecast(steps * STEP_SECONDS * (start.size + chain.rates.size), f"{rough(steps)} steps from look to look")
-    moves, stays, roundings = one_step(chain)
-    into = sparse.csr_array(moves.T)
-    first, weights = poisson_window(jump_rate(chain) * time, left_out)
-    now, found = start.copy(), np.zeros(start.size)
-    for n in range(first + weights.size):
-        if n >= first:
-            found += weights[n - first] * now
-        now = into @ now + stays * now
-    n_steps, mean = first + weights.size, jump_rate(chain) * time
-    roundings += 2.0 * (int(np.bincount(chain.columns, minlength=1).max()) + 2.0)
-    jumps = n_steps + float(chain.exits.max()) * time
-    relative = n_steps * roundings + jumps * (chain.roundings + 1.0) + 2.0 * weights.size + 4.0
-    return found, 1.01 * float(np.expm1(ROUNDOFF * relative) + weights_errors(mean, first, weights.size).max())
 
 
 def chances_of(data: PanelData, run: PanelRun, look: int, counted: Floats) -> Floats:
@@ -210,18 +201,27 @@ def recorded_channels(network: Network, data: PanelData) -> Ints:
     return np.unique(np.array(places, dtype=np.int64))
 
 
-def _channels_of(network: Network, data: PanelData, event: int) -> Ints | None:
-    """The channels one of which an event stands for; None for no event."""
+def without_record(network: Network, data: PanelData, columns: Ints, channels: Ints, never: int) -> tuple[Ints, Mask]:
+    """Columns (K,) of transitions between two looks, and which of them (K,) may have happened.
+
+    A channel whose events are recorded did not fire there: it leads to the state `never`, and to nothing that was seen.
+    """
+    happens = ~np.isin(channels, recorded_channels(network, data))
+    return np.where(happens, columns, never), happens
+
+
+def _channels_of(network: Network, data: PanelData, run: PanelRun, look: int) -> Ints | None:
+    """The channels one of which the event of a look stands for; None for no event."""
+    event = int(run.fired[look])  # type: ignore[index]
     if event < 0:
         return None
     return np.array([network.channel_places[name] for name in data.events[event]], dtype=np.int64)
 
 
-def _bounds(
-    data: PanelData, run: PanelRun, look: int, weights: Floats, network: Network, fired: Ints | None
-) -> tuple[Floats, Floats, Floats, Mask, Mask]:
-    """Weights of the columns seen, the least and most that each may count just before the look, and whether no channel
-    makes it more, or less."""
+def hopeless(network: Network, data: PanelData, run: PanelRun, look: int) -> Callable[[Ints], Mask]:
+    """Whether what was seen at a look is out of reach of states (N, S) before it: they hold too little of what never
+    grows, or too much of what never shrinks."""
+    fired, weights = _channels_of(network, data, run, look), data.weights(network)
     low, high = np.full(len(weights), -np.inf), np.full(len(weights), np.inf)
     for column, observation in enumerate(data.observations.values()):
         seen = float(run.seen[look, column])
@@ -232,14 +232,33 @@ def _bounds(
         low, high = low - changes[fired].max(axis=0), high - changes[fired].min(axis=0)
     works = network.known_rates > 0 if not network.laws else np.ones(len(network.channels), dtype=bool)
     never_more, never_less = np.all(changes[works] <= 0, axis=0), np.all(changes[works] >= 0, axis=0)
-    return weights, low, high, never_more, never_less
+
+    is_bound = (never_more & (low > -np.inf)) | (never_less & (high < np.inf))
+
+    def is_out_of_reach(states: Ints) -> Mask:
+        if not is_bound.any():
+            return np.zeros(len(states), dtype=bool)
+        counted = states @ weights.T
+        return np.asarray((((counted < low) & never_more) | ((counted > high) & never_less)).any(axis=1))
+
+    return is_out_of_reach
 
 
-def _is_hopeless(states: Ints, weights: Floats, low: Floats, high: Floats, never_more: Mask, never_less: Mask) -> Mask:
-    """Whether what was seen is out of reach of states (N, S): too little of what never grows, or too much of what never
-    shrinks."""
-    counted = states @ weights.T
-    return np.asarray((((counted < low) & never_more) | ((counted > high) & never_less)).any(axis=1))
+def ends_at(
+    network: Network, data: PanelData, run: PanelRun, look: int, states: Ints
+) -> tuple[Ints, Jumps | None, Ints]:
+    """Which of the states (N, S) are possible just before a look (E,), the event there, and the states after it."""
+    fired, weights = _channels_of(network, data, run, look), data.weights(network)
+    if fired is None:
+        ends = np.flatnonzero(chances_of(data, run, look, states @ weights.T) > 0)
+        return ends, None, states[ends]
+    ends, jumps, seen_states = _jumps(network, states, fired)
+    return _possible(ends, jumps, seen_states, chances_of(data, run, look, seen_states @ weights.T) > 0)
+
+
+def length_before(run: PanelRun, look: int) -> float:
+    """Time, tu, between a look and the one before it, or the start."""
+    return float(run.times[look] - (run.times[look - 1] if look else run.start))
 
 
 def _jumps(network: Network, states: Ints, fired: Ints) -> tuple[Ints, Jumps, Ints]:
@@ -252,23 +271,13 @@ def _jumps(network: Network, states: Ints, fired: Ints) -> tuple[Ints, Jumps, In
     return ends, Jumps(origin, place.reshape(-1), fired[which]), reached
 
 
-def _possible(ends: Ints, jumps: Jumps, states: Ints, chances: Floats) -> tuple[Ints, Jumps, Ints]:
-    """Without the jumps to states in which the look cannot be."""
-    lasts = chances[jumps.after] > 0
+def _possible(ends: Ints, jumps: Jumps, states: Ints, kept: Mask) -> tuple[Ints, Jumps, Ints]:
+    """Only the jumps to the states kept (F,)."""
+    lasts = kept[jumps.after]
     before, after = jumps.before[lasts], jumps.after[lasts]
     kept_ends, origin = np.unique(before, return_inverse=True)
     kept_states, place = np.unique(after, return_inverse=True)
     return ends[kept_ends], Jumps(origin, place, jumps.channels[lasts]), states[kept_states]
-
-
-def _ways_out(network: Network, space: StateSpace) -> tuple[Ints, Ints]:
-    """Rows and channels (L,) of the transitions that lead out of the states."""
-    happens = network.propensities(space.states) > 0
-    happens[space.is_stopped] = False
-    happens[:, ~network.sparse_stoichiometry.has_entries] = False
-    rows, channels = np.nonzero(happens)
-    is_out = space.index_of(space.states[rows] + network.stoichiometry[channels]) < 0
-    return rows[is_out], channels[is_out]
 
 
 def unreachable(network: Network, data: PanelData, run: PanelRun, look: int, before: Ints) -> ValueError:

@@ -49,10 +49,12 @@ def expected_integral(transitions: Transitions, start: Floats, values: Floats, t
     return BackwardPass(transitions, start, values).integral(time)
 
 
-def expected_from_all(transitions: Transitions, values: Floats, time: float) -> tuple[Floats, float]:
+def expected_from_all(
+    transitions: Transitions, values: Floats, time: float, left_out: float = LEFT_OUT
+) -> tuple[Floats, float]:
     """Means (N,) of `values` (N,), between 0 and 1, at a time, tu, from every state; their relative error.
 
-    Numbers below 1e-300 are beyond it.
+    left_out : of the Poisson probability of more steps, which is beyond that error, as are numbers below 1e-300
 
     ValueError: too many steps
     """
@@ -64,7 +66,7 @@ def expected_from_all(transitions: Transitions, values: Floats, time: float) -> 
     forecast(steps * STEP_SECONDS * (values.size + transitions.rates.size), f"{rough(steps)} steps back")
     moves, stays, roundings = one_step(transitions)
     mean = jump_rate(transitions) * time
-    first, weights = poisson_window(mean, LEFT_OUT)
+    first, weights = poisson_window(mean, left_out)
     now, found, n_steps = values.copy(), np.zeros(values.size), first + weights.size
     for n in range(n_steps):
         if n >= first:

@@ -79,19 +79,6 @@ class FiniteStateProjection(SolvingMethod):
         return front.distribution()
 
 
-def likely_states(network: Network, begins: Ints, length: float, tolerance: float, max_states: int) -> Ints:
-    """States (N, S) that hold all but `tolerance` of the probability up to a time, tu, from any of `begins` (M, S).
-
-    These come first, in their order. TooManyStatesError, or a ValueError where it would take too long.
-    """
-    method = FiniteStateProjection(tolerance, max_states)
-    front, found = _Front(network, begins, np.array([length]), method), Search(network, begins, max_states)
-    while front.time < length:
-        front.advance()
-        found.add(np.ascontiguousarray(front.states))
-    return found.states.copy()
-
-
 class _Window(NamedTuple):
     """A window of time, solved on one set of states.
 
@@ -139,7 +126,7 @@ class _Front:
     def advance(self) -> None:
         """Solve one window, with more states where too much is lost, and drop those that do not matter."""
         search = Search(self.network, self.states, self.max_states)
-        _extend(search, np.ones(len(search), dtype=bool), self.layers)
+        extend(search, np.ones(len(search), dtype=bool), self.layers)
         is_first = True
         while True:
             window = self._solve(search)
@@ -151,7 +138,7 @@ class _Front:
             if min(missing, window.leaving.sum()) <= allowed:
                 break
             is_first = False
-            _extend(search, _largest(window.leaving, MINOR * allowed), self.layers)
+            extend(search, largest(window.leaving, MINOR * allowed), self.layers)
             self.layers = min(self.layers + 1, MOST_LAYERS)
             self.length = max(self.length / 1.5, FIRST_STEPS)
         if is_first:
@@ -161,7 +148,7 @@ class _Front:
             self._note(window.states, probabilities)
         self.time, mass = window.end, window.solved.probabilities[-1]
         # Drop states with little probability now and little that passed through in the window.
-        matters = _largest(mass + window.traffic, allowed)
+        matters = largest(mass + window.traffic, allowed)
         self.states, self.mass = window.states[matters], mass[matters]
         self.rounding += window.solved.error
         if (self.grid == self.time).any():
@@ -258,7 +245,7 @@ class _Front:
         )
 
 
-def _extend(search: Search, chosen: NDArray[np.bool_], layers: int) -> None:
+def extend(search: Search, chosen: NDArray[np.bool_], layers: int) -> None:
     """Add what the chosen states (N,) lead to in so many events."""
     begin, is_stopped = 0, ~chosen
     for _ in range(layers):
@@ -267,7 +254,7 @@ def _extend(search: Search, chosen: NDArray[np.bool_], layers: int) -> None:
         begin, is_stopped = end, np.zeros(0, dtype=bool)
 
 
-def _largest(values: Floats, rest: float) -> NDArray[np.bool_]:
+def largest(values: Floats, rest: float) -> NDArray[np.bool_]:
     """The places of the largest values; all others sum to at most `rest`."""
     order = np.argsort(values)
     is_large = np.ones(values.size, dtype=bool)

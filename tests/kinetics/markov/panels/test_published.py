@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinetics import Model, Network
-from kinetics.markov.panels import PanelData, PanelLikelihood, PanelRun, log_likelihood
+from kinetics.markov.panels import PanelData, PanelLikelihood, PanelRun
 
 OUTSIDE = Path(__file__).parents[5] / "shared" / "outside"
 EYAM = [(0, 254, 7), (0.5, 235, 14), (1, 201, 22), (1.5, 153, 29), (2, 121, 20), (2.5, 110, 8), (3, 97, 8), (4, 83, 0)]
@@ -51,11 +51,40 @@ def test_recipients_of_hearts_seen_once_a_year():
     assert np.abs(found.gradient).max() < 0.02
 
 
-@pytest.mark.validate
-def test_the_first_transition_of_prey_and_predators():
-    """Wilkinson's path (R package smfsb): of an endless network, its likely states; seconds."""
+PREY = [50, 145, 265, 64, 35, 52, 201, 305, 26, 19, 90, 334, 61, 15, 24, 145]
+PREDATORS = [100, 93, 248, 341, 166, 79, 54, 331, 364, 129, 50, 137, 508, 194, 65, 40]
+
+
+def prey_and_predators(first, last):
+    """Wilkinson's path (R package smfsb) between two of its 16 looks, two tu apart."""
     network = Network.from_text("birth: X -> 2 X, 1\neat: X + Y -> 2 Y, 0.005\ndeath: Y -> 0, 0.6")
-    data = PanelData({"X": {"X": 1}, "Y": {"Y": 1}}, [PanelRun([50, 100], [2.0], [[145, 93]])])
-    found = log_likelihood(network, data)
-    assert found.value == pytest.approx(-8.9192055923, abs=1e-9)
+    seen = np.column_stack([PREY, PREDATORS])[first : last + 1]
+    run = PanelRun(seen[0], 2.0 * np.arange(1, len(seen)), seen[1:])
+    return PanelLikelihood(Model.of(network), PanelData({"X": {"X": 1}, "Y": {"Y": 1}}, [run]))
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "expected"),
+    [
+        (8, 9, -6.474464764626),
+        pytest.param(0, 1, -8.9192055923, marks=pytest.mark.validate),
+        pytest.param(0, 15, -124.48439479, marks=pytest.mark.validate),  # minutes
+    ],
+)
+def test_prey_and_predators(first, last, expected):
+    """Of an infinite network, likely states that move along; the first transition is known from outside."""
+    found = prey_and_predators(first, last).value()
+    assert found.value == pytest.approx(expected, abs=1e-9 * (last - first))
     assert found.kind == "proven"
+    assert found.error < 5e-9 * (last - first)
+
+
+def test_a_fit_of_prey_and_predators_takes_the_states_that_matter_to_both_looks():
+    """Derivatives are those of the value with proven bounds, over a part of its states."""
+    asked = prey_and_predators(8, 9)
+    found = asked.scored({}, ["birth", "eat"])
+    assert found.answer.kind == "estimate"
+    assert found.answer.value == pytest.approx(-6.474464764626, abs=1e-9)
+    for name, value, slope in zip(("birth", "eat"), (1.0, 0.005), found.gradient, strict=True):
+        up, down = (asked.value({name: value * np.exp(step)}).value for step in (1e-4, -1e-4))
+        assert slope == pytest.approx((up - down) / 2e-4, abs=1e-5)
