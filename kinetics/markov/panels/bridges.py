@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from kinetics.markov.panels.carrying import SHORT, Carried, carry
+from kinetics.markov.panels.carrying import carried as carry_over
 from kinetics.markov.panels.data import PanelData, PanelRun
 from kinetics.markov.panels.panel_step import PanelStep
 from kinetics.markov.passage.backward import expected_from_all
@@ -23,6 +24,7 @@ from kinetics.network import Network
 from kinetics.support.arrays import Floats
 
 CUT = 1e-12  # of the probability of what was seen, for the states that are dropped from each step
+PARTS = 4  # of a step, between which p h is looked at too
 AROUND = 3  # events by which the states kept are extended: between two ends of a step the probability moves on
 
 
@@ -82,10 +84,9 @@ def narrowed(part: Sequence[Carried], network: Network, data: PanelData, run: Pa
         step = each.step
         values = step.backwards(network, step.chances(network, data, run) * later)
         values /= values.max()
-        back, _ = expected_from_all(each.chain, values, step.length, SHORT)
+        held, back = _along(each, values)
         probability = float(each.start @ back)
-        matters = largest((each.start * back + each.there * values)[:-2] / probability, CUT)
-        kept.append(_around(step, matters))
+        kept.append(_around(step, largest(held[:-2] / probability, CUT)))
         later = back[step.begins] / probability
     kept.reverse()
     steps = [each.step for each in part]
@@ -96,6 +97,24 @@ def narrowed(part: Sequence[Carried], network: Network, data: PanelData, run: Pa
         _narrowed(step, states, first, last)
         for step, states, first, last in zip(steps, kept, begins, lasts, strict=True)
     ]
+
+
+def _along(carried: Carried, values: Floats) -> tuple[Floats, Floats]:
+    """Sums (N + 2,) of p h at both ends of a step and between them, and the values h at its beginning.
+
+    A step from one state to one other leads through many: their p h is 0 at both ends.
+    """
+    chain, length = carried.chain, carried.step.length / PARTS
+    there, later, p, h = [carried.start], [values], carried.start, values
+    for _ in range(PARTS - 1):
+        p, _ = carry_over(chain, p, length, SHORT)
+        there.append(p)
+    there.append(carried.there)
+    for _ in range(PARTS):
+        h, _ = expected_from_all(chain, h, length, SHORT)
+        later.append(h)
+    held = np.sum([p * h for p, h in zip(there, reversed(later), strict=True)], axis=0)
+    return held, later[-1]
 
 
 def _narrowed(step: PanelStep, kept: Mask, begins: Mask, lasts: Mask) -> PanelStep:
@@ -115,16 +134,13 @@ def _around(step: PanelStep, kept: Mask) -> Mask:
     return found[:-2]
 
 
-def missed(carried: Carried, values: Floats, back: Floats) -> float:
+def missed(carried: Carried, by_entry: Floats, mean: float) -> float:
     """Estimate of the share of what was seen that a step over a bridge misses.
 
-    values, back : (N + 2,) probability of what was seen from each state at the end of the step, and at its beginning
+    by_entry : (K,) derivatives of the mean by the logarithm of each rate
 
-    What leaves the states is taken to lead there with the probability of the state that it left, by the mean of both
-    ends.
+    What leaves the states is taken to lead there with the probability of the state that it left: the derivative by the
+    rate of leaving, but for its sign.
     """
-    chain, n = carried.chain, len(carried.step.states)
-    goes = chain.columns == n
-    rows = chain.rows[goes]
-    both = carried.start[rows] * back[rows] + carried.there[rows] * values[rows]
-    return 0.5 * carried.step.length * float(chain.rates[goes] @ both) / float(carried.start @ back)
+    goes = carried.chain.columns == len(carried.step.states)
+    return -float(by_entry[goes].sum()) / mean

@@ -242,7 +242,7 @@ class _Pass:
             mean, back, by_entry = adjoint_at(carried.chain, carried.start, values, step.length)
             found += slopes.of_rates(step.states, step.rows, step.channels) @ by_entry / mean
             if step.is_projected:
-                lost += missed(carried, values, back)
+                lost += missed(carried, by_entry, mean)
             before = carried.there[step.ends]
             if step.jumps is not None:
                 there = before[step.jumps.before] * step.jump_rates(self._network)

@@ -6,7 +6,7 @@ from scipy.linalg import expm
 from scipy.stats import poisson
 
 from kinetics import Model, Network
-from kinetics.markov.panels import PanelData, PanelLikelihood, PanelRun, few_states, likelihood, moving_windows
+from kinetics.markov.panels import PanelData, PanelLikelihood, PanelRun, bridges, few_states, likelihood, moving_windows
 from kinetics.markov.panels.observations import Detected, Rounded
 
 BOX = 22  # of each of two species; what these networks hold beyond has a probability below 1e-12
@@ -135,3 +135,28 @@ def test_bridges_stay_where_a_look_is_too_unlikely(windows):
     assert found.gradient[0] < -100  # it says where to go from here
     with pytest.raises(ValueError, match="below 1e-13 at these rates; begin with other values"):
         asked.value({"v": 4000.0})
+
+
+def worst_bridge(looks):
+    """Copies that are made and lost, from none to some after a time: how far bridges are off the Poisson law."""
+    turnover, worst = Network.from_text(TURNOVER, v=2.0, g=0.5), 0.0
+    for time, n in looks:
+        data = PanelData({"A": {"A": 1}}, [PanelRun([0], [time], [[n]])])
+        found = PanelLikelihood(Model.of(turnover), data).scored({}, ["v", "g"])
+        assert found.answer.kind == "estimate"
+        law = lambda v, g, time=time, n=n: poisson.logpmf(n, v / g * (1 - np.exp(-g * time)))  # noqa: E731
+        slopes = [
+            (law(2 * np.exp(h * a), 0.5 * np.exp(h * b)) - law(2 * np.exp(-h * a), 0.5 * np.exp(-h * b))) / (2 * h)
+            for a, b in ((1, 0), (0, 1))
+            for h in (1e-5,)
+        ]
+        worst = max(worst, abs(found.answer.value - law(2.0, 0.5)), *np.abs(found.gradient - slopes))
+    return worst
+
+
+def test_bridges_hold_what_lies_between_two_known_states(monkeypatch):
+    """One step from a state to another, which leads through many: with the control that looks at its ends alone."""
+    assert worst_bridge([(0.3, 0), (1.0, 0), (1.0, 3), (1.0, 9), (4.0, 1), (4.0, 12)]) < 1e-8
+    monkeypatch.setattr(bridges, "PARTS", 1)
+    monkeypatch.setattr(likelihood, "MOST_MISSED", np.inf)
+    assert worst_bridge([(1.0, 0), (1.0, 3)]) > 1e-4
