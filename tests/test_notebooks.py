@@ -25,6 +25,7 @@ SHOWN = {  # pictures, tables
     "02_rules": (8, 0),
     "03_mechanics": (4, 2),
     "04_chains": (2, 4),
+    "05_data": (2, 3),
 }
 
 
@@ -34,6 +35,7 @@ def test_there_are_notebooks():
         "02_rules.py",
         "03_mechanics.py",
         "04_chains.py",
+        "05_data.py",
     ]
 
 

@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calibration import Events, fit_model
 from kinetics import Model, Network
+from kinetics.formats import read
 from kinetics.markov.panels import PanelData, PanelLikelihood, PanelRun
 
 OUTSIDE = Path(__file__).parents[5] / "shared" / "outside"
@@ -88,3 +90,21 @@ def test_a_fit_of_prey_and_predators_takes_the_states_that_matter_to_both_looks(
     for name, value, slope in zip(("birth", "eat"), (1.0, 0.005), found.gradient, strict=True):
         up, down = (asked.value({name: value * np.exp(step)}).value for step in (1e-4, -1e-4))
         assert slope == pytest.approx((up - down) / 2e-4, abs=1e-5)
+
+
+@pytest.mark.skipif(not OUTSIDE.is_dir(), reason="data of others are not here")
+@pytest.mark.parametrize(
+    ("name", "rates"),
+    [
+        ("bos", [0.01559, 0.00439, 0.07329, 0.01047, 0.06444, 0.01983, 0.03205]),
+        ("hagelloch", [0.00190681, 0.1259677]),
+    ],
+)
+def test_events_of_others(name, rates):
+    """R's msm and surveillance: events over exposure, by maximum likelihood of the parameters."""
+    asked = Events().read(read(OUTSIDE / f"{name}.rxn"), OUTSIDE / f"{name}_events.csv")
+    found = fit_model(asked, starts=1)
+    given = [len(f"{rate:.7g}".lstrip("0.")) for rate in rates]
+    assert [f"{value:.{digits}g}" for value, digits in zip(found.fit.value, given, strict=True)] == [
+        f"{rate:.{digits}g}" for rate, digits in zip(rates, given, strict=True)
+    ]
