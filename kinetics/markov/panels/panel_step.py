@@ -76,14 +76,17 @@ class PanelStep:
         states, is_stopped = begins, np.ones(len(begins), dtype=bool)
         if length > 0.0:
             bounds = _bounds(data, run, look, weights, network, fired)
-            search = Search(network, begins, min(EXPLORED, max_states), lambda states: _is_hopeless(states, *bounds))
             try:
-                search.go_on(0)
-                states, is_stopped = search.states.copy(), search.stopped()
-            except TooManyStatesError:
-                is_projected = True
-                states = likely_states(network, begins, length, LOST_AT_MOST, max_states)
-                is_stopped = _is_hopeless(states, *bounds)
+                states, is_stopped = _hopeful(network, begins, bounds, min(EXPLORED, max_states))
+            except TooManyStatesError as error:
+                try:
+                    states = likely_states(network, begins, length, LOST_AT_MOST, max_states)
+                    is_stopped, is_projected = _is_hopeless(states, *bounds), True
+                except TooManyStatesError:
+                    # What was seen may leave far fewer states than are likely: so it is for many events between looks.
+                    if max_states <= EXPLORED:
+                        raise error from None
+                    states, is_stopped = _hopeful(network, begins, bounds, max_states)
         space = StateSpace(network, states, is_stopped)
         entries = ChannelEntries(space.transitions(), len(network.channels))
         out = _ways_out(network, space) if is_projected else (np.empty(0, dtype=np.int64),) * 2
@@ -225,6 +228,16 @@ def _bounds(
     works = network.known_rates > 0 if not network.laws else np.ones(len(network.channels), dtype=bool)
     never_more, never_less = np.all(changes[works] <= 0, axis=0), np.all(changes[works] >= 0, axis=0)
     return weights, low, high, never_more, never_less
+
+
+def _hopeful(
+    network: Network, begins: Ints, bounds: tuple[Floats, Floats, Floats, Mask, Mask], max_states: int
+) -> tuple[Ints, Mask]:
+    """The states (N, S) reached from `begins` through states from which the look is not out of reach, and which of
+    them (N,) are out of reach, where the search ends. TooManyStatesError: more than `max_states`"""
+    search = Search(network, begins, max_states, lambda states: _is_hopeless(states, *bounds))
+    search.go_on(0)
+    return search.states.copy(), search.stopped()
 
 
 def _is_hopeless(states: Ints, weights: Floats, low: Floats, high: Floats, never_more: Mask, never_less: Mask) -> Mask:
