@@ -1,0 +1,5 @@
+"""The page and the figure of results/nerdss."""
+
+
+def write_page() -> None:
+    """To come."""
