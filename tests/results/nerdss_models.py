@@ -65,7 +65,9 @@ def candidates(weights: Weights) -> dict[str, Candidate]:
         ),
         "docking": Candidate(docking, {pair: f"b * {bonds}" for pair, bonds in held.items()}, {"k": 0.03, "b": 1.0}),
         "docking3": Candidate(docking, three, {"k": 0.03, **parting}),
-        "classes": Candidate(classes, three, {**dict.fromkeys(classes.values(), 1.0), **parting}),
+        "classes": Candidate(
+            classes, three, {**{classes[pair]: 0.03 * weights.dockings[pair] for pair in PAIRS}, **parting}
+        ),
         "dockclass": Candidate(
             {pair: f"{classes[pair]} * {dockings[pair]}" for pair in PAIRS},
             three,

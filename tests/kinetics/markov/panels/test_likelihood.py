@@ -257,7 +257,7 @@ def test_endless_networks_keep_likely_states(road):
 
 
 def test_what_was_seen_may_leave_fewer_states_than_are_likely(road, monkeypatch):
-    """Six kinds are made and never lost: one of each at the end leaves 64 states on the way, and millions are likely."""
+    """Six kinds are made and never lost: one of each at the end leaves 64 states on the way; millions are likely."""
     monkeypatch.setattr("kinetics.markov.panels.panel_step.EXPLORED", 100)
     network = Network.from_text("\n".join(f"make{k}: 0 -> A{k}, v" for k in range(6)), v=3.0)
     columns = {f"A{k}": {f"A{k}": 1} for k in range(6)}
