@@ -50,21 +50,33 @@ class StepFinder:
         """
         if self._look == self._run.times.size:
             return None
-        found = None
-        if not self._left:
-            self._layers = FIRST_LAYERS
-            most = min(EXPLORED, self._max_states)
-            try:
-                step = PanelStep.of(self._network, self._data, self._run, self._look, self._states, most)
-                found = carry(step, self._network, now)
-            except TooManyStatesError:
-                self._left = length_before(self._run, self._look)
-        found = found or self._window(now)
+        found = self._window(now) if self._left else self._begun(now)
         self._states = found.step.seen_states
         if found.step.look >= 0:
             self._look += 1
             self._left = 0.0
         return found
+
+    def _begun(self, now: Floats) -> Carried:
+        """The step to the next look over all states, or the first window of many."""
+        self._layers = FIRST_LAYERS
+        try:
+            return self._whole(now, min(EXPLORED, self._max_states))
+        except TooManyStatesError:
+            self._left = length_before(self._run, self._look)
+        try:
+            return self._window(now)
+        except TooManyStatesError:
+            # What was seen may leave far fewer states than are likely: so it is with many kinds, all of them seen.
+            if self._max_states <= EXPLORED:
+                raise
+        self._left = 0.0
+        return self._whole(now, self._max_states)
+
+    def _whole(self, now: Floats, most: int) -> Carried:
+        """The step to the next look over all states that lead there. TooManyStatesError: over `most` are searched"""
+        step = PanelStep.of(self._network, self._data, self._run, self._look, self._states, most)
+        return carry(step, self._network, now)
 
     def _window(self, now: Floats) -> Carried:
         """A window, with more states around it as long as too much leaves them."""

@@ -258,6 +258,21 @@ def test_endless_networks_keep_likely_states(road):
         assert found.kind == "proven"
 
 
+def test_what_was_seen_may_leave_fewer_states_than_are_likely(road, monkeypatch):
+    """Six kinds are made and never lost: one of each at the end leaves 64 states on the way; millions are likely."""
+    monkeypatch.setattr("kinetics.markov.panels.moving_windows.EXPLORED", 100)
+    network = Network.from_text("\n".join(f"make{k}: 0 -> A{k}, v" for k in range(6)), v=3.0)
+    columns = {f"A{k}": {f"A{k}": 1} for k in range(6)}
+    data = PanelData(columns, [PanelRun([0] * 6, [1.0], [[1] * 6])])
+    found = PanelLikelihood(Model.of(network), data, max_states=1000).scored({"v": 3.0}, ["v"])
+    law = 6 * poisson.logpmf(1, 3.0)
+    assert found.answer.low <= law + 1e-12
+    assert law - 1e-12 <= found.answer.high
+    assert found.gradient == pytest.approx([6 * (1 - 3.0)], abs=1e-9)
+    with pytest.raises(ValueError, match="over 99 states are reachable"):
+        PanelLikelihood(Model.of(network), data, max_states=99).value()
+
+
 def test_what_is_left_out_may_explain_all_later_looks():
     tiny, chances = np.array([1e-12, 1e-12, 1e-12]), np.array([0.1, 0.01, 0.5])
     hidden = amplified(tiny, chances, np.zeros(3, dtype=bool))
