@@ -23,6 +23,7 @@ from kinetics.formats import read
 from kinetics.markov.panels.observations import OBSERVATIONS, Observation
 from kinetics.network import Model, Tank
 from kinetics.support.cli.declared import count_option
+from kinetics.support.cli.failures import INTERRUPTED
 from kinetics.support.cli.options import echo_json, values_of
 from kinetics.support.families import member_named
 
@@ -163,6 +164,8 @@ def fit_data(kind: str, source: str, out: str, report: str | None, as_json: bool
         echo_json(study.to_dict() | {"out": out, "seed": how["seed"]})
     else:
         click.echo(f"{study}\nparameters written to {out}")
+    if sampled is not None and len(sampled.draws) < how["posterior"]:
+        raise SystemExit(INTERRUPTED)
 
 
 def _compared(

@@ -31,7 +31,8 @@ UNTOLD = 1.5  # standard deviation of a logarithm of which the fit gives none
 def sample_posterior(fit: ModelFit, draws: int = 1000, seed: int = 0) -> PosteriorDraws:
     """Draws from the posterior of the free parameters of a fit.
 
-    draws : how many are kept, of all chains together; draws of one chain depend on each other a little
+    draws : how many are kept, of all chains together; draws of one chain depend on each other a little. After Ctrl-C
+        those made so far are kept, if any
     The priors are those of the fit; a parameter without one has a flat prior on its logarithm.
 
     Cost: some 1.2 values of the likelihood for each draw. Needs the extra `inference`.
@@ -69,11 +70,17 @@ def sample_posterior(fit: ModelFit, draws: int = 1000, seed: int = 0) -> Posteri
     rng = np.random.RandomState(whole_number("seed", seed, 0))
     begin = proposal.inside(chains, rng, fit)
     state = emcee.State(begin, random_state=rng.get_state())
-    for step, _ in enumerate(sampler.sample(state, iterations=first + steps)):
-        stage(f"draw {step * chains} of {(first + steps) * chains} from the posterior", step / (first + steps))
-    kept = sampler.get_chain(discard=first)  # (steps, chains, P)
+    done = 0
+    try:
+        for _ in sampler.sample(state, iterations=first + steps):
+            done += 1
+            stage(f"draw {done * chains} of {(first + steps) * chains} from the posterior", done / (first + steps))
+    except KeyboardInterrupt:
+        if done <= first:
+            raise
+    kept = sampler.get_chain()[first:done]  # (steps, chains, P)
     table = np.exp(kept.reshape(-1, size)[:draws])
-    r_hat, effective = convergence(np.swapaxes(kept, 0, 1)) if steps >= chains else (np.full(size, np.nan),) * 2
+    r_hat, effective = convergence(np.swapaxes(kept, 0, 1)) if len(kept) >= chains else (np.full(size, np.nan),) * 2
     return PosteriorDraws(
         how="sampled",
         names=found.names,

@@ -14,6 +14,7 @@ from msgspec import Meta, field
 from kinetics.network import Model, Network, Tank
 from kinetics.network.checks import some_names
 from kinetics.rates.applied import AppliedRates
+from kinetics.rates.inference import arviz_data
 from kinetics.rates.posterior import Posterior
 from kinetics.support.arrays import Floats
 from kinetics.support.config import find, read_toml, write_toml
@@ -65,6 +66,11 @@ class PosteriorDraws(Settings):
     def table(self) -> Floats:
         """The draws (N, P)."""
         return np.array(self.draws)
+
+    def to_arviz(self) -> Any:
+        """The draws as ArviZ has them, in one chain: group `posterior`, a variable for each parameter; `arviz_data`."""
+        found = {name: self.table[None, :, p] for p, name in enumerate(self.names)}
+        return arviz_data(found, {}, {}, {}, {"seed": self.seed, "how": self.how})
 
     def thinned(self, most: int) -> PosteriorDraws:
         """At most so many of the draws, evenly spaced, to six digits."""

@@ -286,8 +286,12 @@ def unreachable(network: Network, data: PanelData, run: PanelRun, look: int, bef
     seen = ", ".join(f"{name} {value:g}" for name, value in numbers if not np.isnan(value)) or "this"
     event = int(run.fired[look])  # type: ignore[index]
     named = f" after {' or '.join(data.events[event])}" if event >= 0 else ""
+    names = ", ".join(dict.fromkeys(name for names in data.events for name in names))
+    recorded = (
+        f"; events are recorded whenever they happen, so that between two looks there was no {names}" if names else ""
+    )
     held = [", ".join(f"{network.species[s]} {row[s]}" for s in np.flatnonzero(row)) or "nothing" for row in before[:3]]
     return ValueError(
         f"{run.named(look)}: {seen}{named} cannot be reached from {' or '.join(held)}{' …' if len(before) > 3 else ''} "
-        f"by the channels of the network"
+        f"by the channels of the network{recorded}"
     )

@@ -119,6 +119,32 @@ def test_draws_are_those_of_the_posterior():
     assert kstest(thin, gamma(22, scale=1 / 60).cdf).pvalue < 1e-6  # the control
     again = sample_posterior(fit_model(waits()), draws=4000, seed=2)
     assert drawn.draws == again.draws
+    whole = drawn.to_arviz()
+    assert whole.posterior["k"].shape == (1, 4000)
+    assert float(whole.posterior["k"].mean()) == drawn.table.mean()
+
+
+@pytest.mark.skipif(not HAS_SAMPLER, reason="the sampler is an extra")
+def test_an_interrupt_leaves_the_draws_made_so_far(monkeypatch):
+    found, calls = fit_model(waits()), []
+
+    def stopped(text, share):
+        calls.append(text)
+        if len(calls) == 60:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("calibration.estimating.posterior_sampling.stage", stopped)
+    drawn = sample_posterior(found, draws=800, seed=2)
+    assert 0 < len(drawn.draws) < 800
+    monkeypatch.undo()
+    whole = sample_posterior(found, draws=800, seed=2)
+    assert whole.draws[: len(drawn.draws)] == drawn.draws
+    calls.clear()
+    monkeypatch.setattr(
+        "calibration.estimating.posterior_sampling.stage", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
+    )
+    with pytest.raises(KeyboardInterrupt):
+        sample_posterior(found, draws=800, seed=2)
 
 
 @pytest.mark.skipif(not HAS_SAMPLER, reason="the sampler is an extra")

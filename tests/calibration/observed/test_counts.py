@@ -109,6 +109,14 @@ def test_snapshots_that_cannot_be_are_refused(tmp_path, text, said):
         read_snapshots(epidemic(), written(tmp_path, text))
 
 
+def test_events_that_are_recorded_do_not_happen_between_rows(tmp_path):
+    """One infection is recorded, so all are: the second row cannot be."""
+    text = "time,S,I,event\n0,5,1,\n0.5,4,2,infect\n2,2,4,\n"
+    data = read_counts(epidemic(), written(tmp_path, text))
+    with pytest.raises(ValueError, match="so that between two looks there was no infect"):
+        PanelLikelihood(epidemic(), data).value()
+
+
 def test_a_species_named_like_a_column_is_refused(tmp_path):
     with pytest.raises(ValueError, match="the network calls something 'time'"):
         read_counts(Network.from_text("time -> B, 1"), written(tmp_path, "time,B\n0,1\n1,2\n"))
