@@ -70,7 +70,7 @@ def arviz_data(
     """Draws (chains, draws, ...) and constants: an `InferenceData` of ArviZ below 1, a `DataTree` from 1 on."""
     arviz = _arviz()
     named = {"posterior": dict(posterior), **({"constant_data": dict(constant)} if constant else {})}
-    if not hasattr(arviz, "InferenceData"):
+    if "InferenceData" not in vars(arviz):  # ArviZ from 1 on warns of this name, and has it no more
         return arviz.from_dict(named, coords=coords, dims=dims, attrs={"/": dict(attrs)})
     return arviz.from_dict(**named, coords=dict(coords), dims=dict(dims), attrs=dict(attrs))
 

@@ -123,3 +123,21 @@ def test_a_missing_arviz_is_told_with_its_extra(monkeypatch):
 def test_wrong_numbers_are_refused(wrong):
     with pytest.raises(ValueError, match="expected"):
         calibrated().to_arviz(**wrong)
+
+
+def test_versions_of_arviz_from_1_on_get_a_tree(monkeypatch):
+    """Its `from_dict` takes groups in one mapping, and there is no InferenceData; tried with version 1.3 by hand."""
+    import types
+
+    from kinetics.rates import inference
+
+    seen = {}
+    later = types.SimpleNamespace(from_dict=lambda groups, **how: seen.update(groups=groups, **how))
+    monkeypatch.setattr(inference, "_arviz", lambda: later)
+    inference.arviz_data({"k": [[1.0]]}, {"events": [2.0]}, {"channel": ["a"]}, {"events": ["channel"]}, {"seed": 3})
+    assert seen == {
+        "groups": {"posterior": {"k": [[1.0]]}, "constant_data": {"events": [2.0]}},
+        "coords": {"channel": ["a"]},
+        "dims": {"events": ["channel"]},
+        "attrs": {"/": {"seed": 3}},
+    }
