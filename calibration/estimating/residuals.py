@@ -27,7 +27,7 @@ from kinetics.support.cli.progress import stage
 from kinetics.support.packages import special, stats
 from kinetics.support.shown import on_axes
 
-REPLICATES = 200  # of each look
+REPLICATES, MOST, FEWEST = 200, 40_000, 20  # of each look, and of all looks together; of each look at least
 LEVEL = 0.05
 FEW = 5  # residuals, below which a column is not tested
 
@@ -149,11 +149,12 @@ class Residuals:
 
 
 def quantile_residuals(
-    likelihood: Likelihood, point: Mapping[str, float] | None = None, *, replicates: int = REPLICATES, seed: int = 0
+    likelihood: Likelihood, point: Mapping[str, float] | None = None, *, replicates: int | None = None, seed: int = 0
 ) -> Residuals:
     """The residuals of data of any kind at values of the parameters.
 
-    replicates : simulated runs for each look
+    replicates : simulated runs for each look; None for 200, fewer where looks are many. A rank is uniform among any
+        number of them
     Parameters that were fitted to the same data make residuals a little too good; tests then reject less often than
     they say.
 
@@ -168,7 +169,8 @@ def quantile_residuals(
     >>> bool(0.3 < found.value[0] < 0.7), bool(found.value[1] < 0.01)
     (True, True)
     """
-    whole_number("replicates", replicates, 1)
+    if replicates is not None:
+        whole_number("replicates", replicates, 1)
     rng = np.random.default_rng(whole_number("seed", seed, 0))
     if isinstance(likelihood, JointLikelihood):
         columns: list[str] = []
@@ -188,7 +190,8 @@ def quantile_residuals(
         return _of_events(network, likelihood.data, rng)
     if not isinstance(likelihood, PanelLikelihood):
         raise TypeError(f"residuals of {type(likelihood).__name__} are not known")
-    return _of_looks(network, likelihood, point or {}, replicates, rng)
+    usual = min(REPLICATES, max(FEWEST, MOST // likelihood.data.looks))
+    return _of_looks(network, likelihood, point or {}, usual if replicates is None else replicates, rng)
 
 
 def _of_events(network: Network, data: EventData, rng: np.random.Generator) -> Residuals:
