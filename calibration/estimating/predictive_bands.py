@@ -19,12 +19,15 @@ from kinetics.support.shown import on_axes
 
 DRAWS, RUNS = 200, 5  # of the parameters, and simulated runs under each
 GRID = 60  # times of a band
-MOST_RUNS = 6  # observed runs that are drawn, of those that start apart
+MOST_RUNS = 6  # observed runs that are drawn, of those that start apart; more that start alike are drawn by their mean
+MOST_TIMES = 40  # different times at which they were looked at
 
 
 @dataclass(frozen=True, eq=False)
 class PredictiveBand:
     """The middle 95 % of simulated runs that start as an observed one, with what was seen of it.
+
+    Of many runs that start alike it is that of their mean.
 
     title : of the run; "" for all of them, if they start alike
     columns : names (C,)
@@ -42,6 +45,7 @@ class PredictiveBand:
     seen_times: Floats
     seen: Floats
     time_unit: str
+    of_means: bool = False
 
     @property
     def inside(self) -> tuple[int, int]:
@@ -52,7 +56,8 @@ class PredictiveBand:
             at = self.seen_times[known]
             low, high = (np.interp(at, self.times, each[:, c]) for each in (self.low, self.high))
             # Bands are known at the times of the grid only: between two of them the wider one holds.
-            within += int(((self.seen[known, c] >= np.floor(low)) & (self.seen[known, c] <= np.ceil(high))).sum())
+            low, high = (low, high) if self.of_means else (np.floor(low), np.ceil(high))
+            within += int(((self.seen[known, c] >= low) & (self.seen[known, c] <= high)).sum())
             n += int(known.sum())
         return within, n
 
@@ -65,13 +70,15 @@ class PredictiveBand:
             ax.plot(self.times, self.middle[:, c], color=colour, lw=1.0)
             ax.plot(self.seen_times, self.seen[:, c], "o", color=colour, ms=3.5, label=name)
         unit = f" ({self.time_unit})" if self.time_unit else ""
-        ax.set(xlabel=f"time{unit}", ylabel="count", title=self.title)
+        ax.set(xlabel=f"time{unit}", ylabel="mean count" if self.of_means else "count", title=self.title)
         ax.legend(fontsize="small")
         return ax
 
 
 def predictive_bands(fit: ModelFit, drawn: PosteriorDraws | None, seed: int = 0) -> list[PredictiveBand]:
     """Bands of the first runs observed; one for all if they start alike, as snapshots do.
+
+    Of many runs that start alike but were looked at at different times there is none: residuals show these.
 
     drawn : from the posterior; None for the estimates alone
 
@@ -139,6 +146,9 @@ def _of_part(
     )
     bands = []
     for title, group in shown:
+        means = _means(group) if len(group) > MOST_RUNS else None
+        if len(group) > MOST_RUNS and means is None:
+            continue
         end = max(float(run.times[-1] - run.start) for run in group)
         grid = np.linspace(0.0, end, GRID)
         variants: Any = np.repeat(network.known_rates[None, :], DRAWS, axis=0)
@@ -153,11 +163,42 @@ def _of_part(
         for c, observation in enumerate(observations):
             if observation is not None:
                 counted[..., c] = observation.drawn(counted[..., c], np.nan, rng)
-        low, middle, high = np.quantile(counted, (0.025, 0.5, 0.975), axis=0)
-        seen_times = np.concatenate([run.times for run in group]) - group[0].start
-        seen = np.concatenate([run.seen for run in group])
         label = ", ".join(filter(None, [name, title]))
+        if means is None:
+            low, middle, high = np.quantile(counted, (0.025, 0.5, 0.975), axis=0)
+            seen_times = np.concatenate([run.times for run in group]) - group[0].start
+            seen = np.concatenate([run.seen for run in group])
+        else:
+            seen_times, seen, n = means
+            middle, half = _of_mean(counted, np.interp(grid, seen_times, n))
+            low, high = middle - half, middle + half
         bands.append(
-            PredictiveBand(label, tuple(columns), grid, low, middle, high, seen_times, seen, network.time_unit)
+            PredictiveBand(
+                label, tuple(columns), grid, low, middle, high, seen_times, seen, network.time_unit, means is not None
+            )
         )
     return bands
+
+
+def _means(group: Sequence[PanelRun]) -> tuple[Floats, Floats, Floats] | None:
+    """Times (n,), means (n, C) over runs that start alike of what was seen then, and the number (n,) of these runs.
+
+    None if they were not looked at at the same times: who is still looked at late may not be like the others.
+    """
+    is_once = all(run.times.size == 1 for run in group)
+    alike = len({run.times.tobytes() for run in group}) == 1
+    times = np.concatenate([run.times for run in group]) - group[0].start
+    each = np.unique(times)
+    if not (is_once or alike) or each.size > MOST_TIMES or any((np.asarray(run.fired) >= 0).any() for run in group):
+        return None
+    seen = np.concatenate([run.seen for run in group])
+    numbers = np.array([(times == time).sum() for time in each], dtype=float)
+    return each, np.array([np.nanmean(seen[times == time], axis=0) for time in each]), numbers
+
+
+def _of_mean(counted: Floats, n: Floats) -> tuple[Floats, Floats]:
+    """Mean (T, C), and half of its 95 % interval for n (T,) runs, of simulated runs (DRAWS * RUNS, T, C)."""
+    draws = counted.reshape(DRAWS, RUNS, *counted.shape[1:])
+    within = draws.var(axis=1, ddof=1).mean(axis=0)
+    between = np.maximum(draws.mean(axis=1).var(axis=0, ddof=1) - within / RUNS, 0.0)
+    return counted.mean(axis=0), 1.96 * np.sqrt(within / np.maximum(n, 1.0)[:, None] + between)

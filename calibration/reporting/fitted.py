@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from calibration.estimating.predictive_bands import predictive_bands
+from calibration.estimating.predictive_bands import PredictiveBand, predictive_bands
 from calibration.estimating.residual_power import PowerOfResiduals, power_of_residuals
 from calibration.estimating.residuals import Residuals, quantile_residuals
 from calibration.observed.fitted_study import FittedStudy, said_of
@@ -24,7 +24,8 @@ and 1. If the model holds, residuals are uniform and independent. The p-values a
 same data, so the tests reject a little less often than their level.
 """
 ABOUT_BANDS = """
-Bands hold the middle 95 % of whole runs that are simulated from the start, at parameters drawn from the posterior.
+Bands hold the middle 95 % of whole runs that are simulated from the start, at parameters drawn from the posterior. Of
+many runs that start alike and were looked at together the mean is drawn.
 """
 
 
@@ -36,20 +37,14 @@ def fitted_report(study: FittedStudy, seed: int = 0) -> HtmlReport:
     found = study.found
     residuals = quantile_residuals(found.likelihood, found.point, seed=seed)
     bands = predictive_bands(found, study.draws, seed)
-    inside, n = (sum(counts) for counts in zip(*(band.inside for band in bands), strict=True))
     per = found.model.network.time_unit
-    draws = "the estimates" if study.draws is None else f"{len(study.draws.draws)} draws ({study.draws.how})"
+    told = (f"{text[0].upper()}{text[1:]}." for text in (said_of(found.likelihood), *study.notes))
     parts: list[Part] = [
-        Text(f"{residuals.verdict} {said_of(found.likelihood)}. {' '.join(f'{each}.' for each in study.notes)}"),
+        Text(" ".join([residuals.verdict, *told])),
         ReportTable(
             f"Estimates and 95 % intervals{per and f'; rates are per {per}'}.", _estimates(study), "parameters"
         ),
-        Chart(
-            f"What was seen (dots), and the middle 95 % of runs simulated at {draws}: {inside} of {n} dots inside.",
-            partial(_draw_all, bands),
-            panels=len(bands),
-            name="bands",
-        ),
+        _picture(study, bands, residuals),
         Fold(
             "How the parameters were estimated",
             [Text(ABOUT_INTERVALS), Text(f"Log-likelihood {found.log_likelihood}.")],
@@ -61,6 +56,17 @@ def fitted_report(study: FittedStudy, seed: int = 0) -> HtmlReport:
         rows = [{"model": each.name, **{k: v for k, v in vars(each).items() if k != "name"}} for each in study.compared]
         parts.insert(3, ReportTable("Models of the same data.", rows, "models"))
     return HtmlReport(f"Parameters of {Path(study.source).name}", parts, study.evidence | {"seed": seed})
+
+
+def _picture(study: FittedStudy, bands: Sequence[PredictiveBand], residuals: Residuals) -> Chart:
+    """What was seen in its bands; if there are none, the residuals."""
+    if not bands:
+        return Chart("Residuals of each column in order of size, against uniform ones.", residuals.plot, name="seen")
+    inside, n = (sum(counts) for counts in zip(*(band.inside for band in bands), strict=True))
+    what = "the mean of as many runs" if any(band.of_means for band in bands) else "runs"
+    draws = "the estimates" if study.draws is None else f"{len(study.draws.draws)} draws ({study.draws.how})"
+    caption = f"What was seen (dots), and the middle 95 % of {what} simulated at {draws}: {inside} of {n} dots inside."
+    return Chart(caption, partial(_draw_all, bands), panels=len(bands), name="seen")
 
 
 def _estimates(study: FittedStudy) -> list[dict[str, Any]]:

@@ -203,3 +203,25 @@ def test_residuals_of_events_with_known_times():
     assert right.columns == ("A", "B")
     assert right.p > 1e-3
     assert wrong.p < 1e-6
+
+
+def test_bands_hold_what_was_seen_and_not_what_was_not():
+    """Means of snapshots in the band of their mean, at the fit and not at another rate; irregular panels have none."""
+    from calibration.estimating.predictive_bands import predictive_bands
+
+    seen = simulate(DECAY.network, "ssa", {"A": 30}, [1.0, 2.0], runs=40, seed=3)["A"].astype(float)
+    runs = [PanelRun([30, 0], [float(1 + k % 2)], [[row[k % 2]]]) for k, row in enumerate(seen)]
+    found = fit_model(PanelLikelihood(DECAY, PanelData({"A": {"A": 1}}, runs)), starts=1)
+    (band,) = predictive_bands(found, None, seed=1)
+    assert (band.of_means, band.inside) == (True, (2, 2))
+    (wrong,) = predictive_bands(_moved(found, 1.5), None, seed=1)
+    assert wrong.inside == (0, 2)
+    ragged = [PanelRun([30, 0], [0.1 * (k + 1), 2.0], [[29], [5]]) for k in range(8)]
+    assert predictive_bands(fit_model(PanelLikelihood(DECAY, PanelData({"A": {"A": 1}}, ragged)), starts=1), None) == []
+
+
+def _moved(found, factor):
+    """A fit whose estimates are others."""
+    from dataclasses import replace
+
+    return replace(found, fit=replace(found.fit, at=found.fit.at * factor))
