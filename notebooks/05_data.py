@@ -26,8 +26,6 @@
 
 # %%
 from dataclasses import replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -42,14 +40,13 @@ from kinetics.support.plots import COLOURS
 plt.rcParams.update(
     {"figure.constrained_layout.use": True, "font.size": 9, "axes.prop_cycle": plt.cycler(color=COLOURS)}
 )
-folder = Path(TemporaryDirectory().name)
-folder.mkdir()
 
 # %% [markdown]
 # ## 1. The table, the model, the fit
 #
-# A table of counts has a column for the time and one for each species that was counted. Its likelihood is that of the
-# Markov chain: the probability of every next row given the row before, summed over all that may have happened between.
+# A table of counts, a file or a data frame, has a column for the time and one for each species that was counted. Its
+# likelihood is that of the Markov chain: the probability of every next row given the row before, summed over all that
+# may have happened between.
 
 # %%
 table = pd.DataFrame(
@@ -59,7 +56,6 @@ table = pd.DataFrame(
         "I": [7, 14, 22, 29, 20, 8, 8, 0],
     }
 )
-table.to_csv(folder / "eyam.csv", index=False)
 epidemic = Model(
     Network.from_text(
         """time unit: month
@@ -70,7 +66,7 @@ epidemic = Model(
     ),
     {"S": 254, "I": 7},
 )
-fit = fit_model(Counts().read(epidemic, folder / "eyam.csv"), starts=1)
+fit = fit_model(Counts().read(epidemic, table), starts=1)
 pd.DataFrame({"estimate": fit.fit.value, "95 % from": fit.fit.low, "to": fit.fit.high}, index=list(fit.fit.names))
 
 # %% [markdown]
@@ -142,8 +138,8 @@ rows = [
     *(("a", t, n, "") for t, n in zip(path.times, names, strict=True)),
     ("a", 6.0, "end", ""),
 ]
-pd.DataFrame(rows, columns=["run", "time", "channel", "P"]).to_csv(folder / "ward.csv", index=False)
-causes = fit_model(Events().read(ward, folder / "ward.csv"), ["k", "l"], starts=1)
+events = pd.DataFrame(rows, columns=["run", "time", "channel", "P"])
+causes = fit_model(Events().read(ward, events), ["k", "l"], starts=1)
 pd.DataFrame(
     {"truth": [0.2, 0.1], "estimate": causes.fit.value, "95 % from": causes.fit.low, "to": causes.fit.high},
     index=list(causes.fit.names),

@@ -17,7 +17,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinetics.markov.panels import EventData, EventLikelihood, JointLikelihood, Likelihood, PanelLikelihood, PanelRun
+from kinetics.markov.panels import (
+    EventData,
+    EventLikelihood,
+    JointLikelihood,
+    Likelihood,
+    PanelData,
+    PanelLikelihood,
+    PanelRun,
+)
 from kinetics.network import Network
 from kinetics.runs import RESTART
 from kinetics.sampling import Auto, simulate
@@ -229,25 +237,39 @@ def _of_looks(
     observations = list(data.observations.values())
     known = {network.channel_places[name] for names in data.events for name in names}
     which, run_of, time_of, value, done = [], [], [], [], 0
-    for number, (run, filtered) in enumerate(zip(data.runs, likelihood.filtered(point), strict=True)):
-        for look, (states, chances) in enumerate(filtered):
-            done += 1
-            if done % 64 == 0:
-                stage(f"residuals of {done} of {data.looks} looks", done / data.looks)
-            length = float(run.times[look] - (run.times[look - 1] if look else run.start))
-            before, counts = _replicates(network, states, chances, length, known, replicates, rng)
+    for looks, states, chances, length in _alike(data, likelihood.filtered(point)):
+        times, counts = _replicates(network, states, chances, length, known, replicates * len(looks), rng)
+        shuffled = rng.permutation(times.size).reshape(len(looks), replicates)
+        for (number, look), mine in zip(looks, shuffled, strict=True):
+            run, before = data.runs[number], times[mine]
             if run.fired is not None and run.fired[look] >= 0:  # a residual of every column, before those of survivors
                 columns = list(range(len(observations)))
                 found = [(before < np.inf).sum() + rng.random() for _ in columns]
             else:
-                columns, found = _places(run, look, observations, before, counts @ weights.T, rng)
+                columns, found = _places(run, look, observations, before, counts[mine] @ weights.T, rng)
             for column, place in zip(columns, found, strict=True):
                 which.append(column)
                 run_of.append(number)
                 time_of.append(run.times[look])
                 value.append(place / (replicates + 1.0))
-    arrays = np.array(which, dtype=np.int64), np.array(run_of, dtype=np.int64), np.array(time_of)
-    return Residuals(tuple(data.columns), *arrays, _open(np.array(value)))
+        done += len(looks)
+        stage(f"residuals of {done} of {data.looks} looks", done / data.looks)
+    order = np.lexsort((time_of, run_of))  # neighbours in a run stand next to each other
+    of_columns, of_runs = np.array(which, dtype=np.int64)[order], np.array(run_of, dtype=np.int64)[order]
+    return Residuals(tuple(data.columns), of_columns, of_runs, np.array(time_of)[order], _open(np.array(value)[order]))
+
+
+def _alike(
+    data: PanelData, filtered: list[list[tuple[Ints, Floats]]]
+) -> list[tuple[list[tuple[int, int]], Ints, Floats, float]]:
+    """Looks, as numbers of run and look, that come after the same time from the same possible states, with these."""
+    found: dict[tuple[bytes, bytes, float], tuple[list[tuple[int, int]], Ints, Floats, float]] = {}
+    for number, (run, before) in enumerate(zip(data.runs, filtered, strict=True)):
+        for look, (states, chances) in enumerate(before):
+            length = float(run.times[look] - (run.times[look - 1] if look else run.start))
+            key = states.tobytes(), chances.tobytes(), length
+            found.setdefault(key, ([], states, chances, length))[0].append((number, look))
+    return list(found.values())
 
 
 def _places(

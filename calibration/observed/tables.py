@@ -98,13 +98,15 @@ class Table:
         return found
 
 
-def read_table(path: str | Path | Table) -> Table:
-    """Read a CSV or Parquet file; a table is returned as it is.
+def read_table(path: str | Path | Table | Any) -> Table:
+    """Read a CSV or Parquet file, or a data frame of pandas; a table is returned as it is.
 
     ValueError: neither of them, empty, damaged, or of too many cells
     """
     if isinstance(path, Table):
         return path
+    if hasattr(path, "itertuples"):
+        return _frame(path)
     file = Path(path)
     if file.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{path}: expected a table whose name ends in {' or '.join(SUFFIXES)}")
@@ -124,6 +126,19 @@ def read_table(path: str | Path | Table) -> Table:
     if not lines.size:
         raise ValueError(f"{path} is empty: it has no rows below its titles")
     return Table(file.name, dict(zip(titles, cells, strict=True)), lines)
+
+
+def _frame(frame: Any) -> Table:
+    """A data frame as a table of text; its first row counts as line 2, as below a line of titles."""
+    if not len(frame):
+        raise ValueError("the data frame is empty: it has no rows")
+    columns = {}
+    for title in frame.columns:
+        cells = zip(frame[title].tolist(), frame[title].isna().tolist(), strict=True)
+        columns[str(title).strip()] = np.array(
+            ["" if is_empty else str(x).strip() for x, is_empty in cells], dtype=object
+        )
+    return Table("the data frame", columns, np.arange(len(frame), dtype=np.int64) + 2)
 
 
 def _csv(file: Path) -> tuple[list[str], list[NDArray[Any]], NDArray[np.int64]]:

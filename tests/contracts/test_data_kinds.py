@@ -1,6 +1,7 @@
 """What every kind of data keeps: a likelihood with right derivatives, groups that add up, errors that name a row."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from calibration.estimating.model_fit import fit_model
@@ -50,6 +51,13 @@ def test_derivatives_are_those_of_the_value(kind, tmp_path):
     for name, slope in zip(names, found.gradient, strict=True):
         up, down = (asked.value({**point, name: point[name] * np.exp(sign * step)}).value for sign in (1, -1))
         assert slope == pytest.approx((up - down) / (2 * step), rel=1e-6, abs=1e-6)
+
+
+def test_a_data_frame_is_a_table_too(kind, tmp_path):
+    whole = of(kind, tmp_path)
+    frame = kind().read(DECAY, pd.read_csv(tmp_path / "data.csv"))
+    assert frame.value({"k": 0.5}).value == whole.value({"k": 0.5}).value
+    assert frame.data_digest == whole.data_digest
 
 
 def test_groups_add_up(kind, tmp_path):

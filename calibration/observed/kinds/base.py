@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -43,11 +43,11 @@ class DataKind(ABC):
     def read(
         self,
         model: Model | Network,
-        table: str | Path,
+        table: str | Path | Any,
         observations: Mapping[str, Observation] | None = None,
         own: Sequence[str] = (),
     ) -> Likelihood:
-        """The likelihood of a file (CSV or Parquet).
+        """The likelihood of a file (CSV or Parquet), or of a data frame of pandas.
 
         observations : column -> how its numbers come from true counts; exact for those not named
         own : parameters of which each group of runs has its own; the table then has a column `group`

@@ -198,7 +198,7 @@ def test_residuals_of_events_with_known_times():
     data = PanelData({"A": {"A": 1}, "B": {"B": 1}}, runs, events=[("die", "sudden")])
     right = quantile_residuals(PanelLikelihood(Model.of(chain), data), replicates=50, seed=2)
     wrong = quantile_residuals(
-        PanelLikelihood(Model.of(chain), data), {"die": 0.1, "sudden": 0.9}, replicates=50, seed=2
+        PanelLikelihood(Model.of(chain), data), {"die": 0.05, "sudden": 2.0}, replicates=50, seed=2
     )
     assert right.columns == ("A", "B")
     assert right.p > 1e-3

@@ -117,7 +117,7 @@ def test_draws_and_a_report(wellmixed_here, place):
     assert "Parameters of fade.rxn" in page
     for word in ("cube", "tank", "join", "break", "rebinding", "paper", "tu)"):
         assert word not in page.lower().split("<style>")[0] + page.lower().split("</style>")[1], word
-    assert "likelihood times prior was maximised" in page
+    assert "Likelihood times prior was maximised" in page
 
 
 def test_a_wrong_model_is_found_out(wellmixed_here, place):
