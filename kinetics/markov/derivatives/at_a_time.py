@@ -83,7 +83,13 @@ def gradient_at(entries: ChannelEntries, start: Floats, functions: Floats, time:
 
 class Adjoint(NamedTuple):
     """A mean, how it depends on the state in which the chain begins (N,), and its derivatives (K,) by the logarithm of
-    the rate of each transition."""
+    the rate of each transition.
+
+    >>> import numpy as np
+    >>> from kinetics.markov.derivatives import Adjoint
+    >>> Adjoint(0.5, np.array([0.5, 1.0]), np.array([-0.2])).mean
+    0.5
+    """
 
     mean: float
     later: Floats
@@ -95,6 +101,14 @@ def adjoint_at(chain: Transitions, start: Floats, values: Floats, time: float) -
 
     `later` is 0 for states that are not reached from the start. No bounds; ValueError: too many steps, or too little
     memory
+
+    >>> import numpy as np
+    >>> from kinetics import Network, reachable
+    >>> from kinetics.markov.derivatives import adjoint_at
+    >>> chain = reachable(Network.from_text("A -> B, 2"), {"A": 1}).transitions()
+    >>> found = adjoint_at(chain, np.array([1.0, 0.0]), np.array([1.0, 0.0]), time=0.5)  # of A: 1/e, and -1/e
+    >>> round(found.mean, 6), found.derivatives.round(6).tolist()
+    (0.367879, [-0.367879])
     """
     entries = ChannelEntries(chain._replace(channels=np.arange(chain.rates.size)), chain.rates.size)
     kept = Kept.of(entries, start, values[None, :])
