@@ -36,6 +36,7 @@ from kinetics.support.output import write_whole
 from kinetics.support.packages import pd
 from mechsim.runs.contents import check_contents, is_trial
 from mechsim.runs.file_locks import lock, set_aside, sync_folder, write_locked
+from mechsim.runs.frames import counts_every
 from mechsim.runs.record import COMPLETED, RunRecord, RunSpec
 
 FORMAT = 2
@@ -207,16 +208,27 @@ class RunStore:
         return events, runs, table
 
     def export(
-        self, folder: str | Path, formats: Sequence[str] = ("parquet", "csv"), rules: str | None = None
+        self,
+        folder: str | Path,
+        formats: Sequence[str] = ("parquet", "csv"),
+        rules: str | None = None,
+        every: float | None = None,
     ) -> tuple[Path, ...]:
-        """Write the tables `events`, `runs` and `settings`, each file whole or not at all; returns their paths."""
+        """Write the tables `events`, `runs` and `settings`, each file whole or not at all; returns their paths.
+
+        every : write a table `counts` too, of looks so many tu apart at the completed runs; see `counts_every`
+
+        ValueError: as of `to_frames` and `counts_every`; nothing is written
+        """
         unknown = set(formats) - {"parquet", "csv"}
         if unknown:
             raise ValueError(f"unknown format {', '.join(sorted(unknown))}; expected parquet, csv or both")
-        frames = self.to_frames(rules)
+        frames = dict(zip(("events", "runs", "settings"), self.to_frames(rules), strict=True))
+        if every is not None:
+            frames["counts"] = counts_every(every, self.contents(), self.folder, rules)
         Path(folder).mkdir(parents=True, exist_ok=True)
         paths = []
-        for name, frame in zip(("events", "runs", "settings"), frames, strict=True):
+        for name, frame in frames.items():
             for kind in formats:
                 paths.append(Path(folder) / f"{name}.{kind}")
                 write_whole(
