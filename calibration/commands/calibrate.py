@@ -188,7 +188,9 @@ def refuse_for(mode: str) -> None:
     for name, option in given_options().items():
         modes = MODES_OF.get(name, (*MODES, *DATA))
         if mode not in modes:
-            raise ValueError(f"{option} is for {' and '.join(map(_named, modes))}, not for {mode}; leave it out")
+            *most, last = map(_named, modes)
+            told = f"{', '.join(most)} and {last}" if most else last
+            raise ValueError(f"{option} is for {told}, not for {mode}; leave it out")
         if mode in DATA and name not in known:
             raise ValueError(f"{option} applies to mechanics runs, and --{mode} makes none; leave it out")
 

@@ -172,7 +172,7 @@ def test_what_is_refused(wellmixed_here, place, calibrated):
     with pytest.raises(ValueError, match="no rate for class 'break"):
         run_growth_validation(held_out, joins, place / "runs")
     for options, said in (
-        (["plan.toml", "--report", "x.html"], "--report is for calibrate channels and --events, not for classes"),
+        (["plan.toml", "--report", "x.html"], "--counts and --snapshots, not for classes; leave it out"),
         (["channels", "plan.toml", "--group-by", "event"], "--group-by is for calibrate classes, not for channels"),
         (["channels", "plan.toml", "line4"], "expected calibrate channels SCENE|PLAN|FOLDER"),
         (["plan.toml", "--tank", 2, 2, 3], "--tank is for --events"),
