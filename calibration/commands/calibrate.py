@@ -140,8 +140,8 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
     events over exposure, as from mechanics. `--counts FILE` reads counts at some times, with nothing known of what
     happened in between, and `--snapshots FILE` independent copies that were counted once each: parameters of largest
     likelihood, and profile-likelihood intervals; so do events if one of --free, --fix, --bounds, --prior, --per-group,
-    --against or --posterior is given. The log-likelihood comes with a bound, which is proven where counts are exact or
-    rounded. A parameter that the data cannot tell is null. `predict MODEL --rates FILE` takes what is written, with its
+    --against, --posterior or --starts is given. The log-likelihood comes with bounds, and with whether they are proven.
+    A parameter that the data cannot tell is null. `predict MODEL --rates FILE` takes what is written, with its
     uncertainty. See docs/your_data.md.
     """
 

@@ -16,7 +16,6 @@ from calibration.estimating.priors import LogNormalPrior
 from calibration.observed.fitted_study import FittedStudy
 from calibration.observed.kinds import DATA_KINDS
 from calibration.observed.kinds.base import DataKind
-from calibration.observed.kinds.events import Events
 from calibration.reporting.fitted import fitted_report
 from kinetics.commands.models import is_network_file, network_of_book
 from kinetics.formats import read
@@ -141,12 +140,11 @@ def is_fit(kind: str, given: Mapping[str, Any]) -> bool:
 def fit_data(kind: str, source: str, out: str, report: str | None, as_json: bool, how: dict[str, Any]) -> None:
     """Fit the parameters of a model to data; write and show them."""
     table, observations = how[kind], dict(_observed(each) for each in how["observed"])
-    model, reader = _model(source), _reader(kind, source, how)
+    model, single = _model(source)
+    cubes, tank = how["cubes"][0] if how["cubes_given"] else None, how["tank"] and Tank(how["tank"])
+    reader = KINDS[kind].told(runs=how["run_table"], cubes=cubes, single=single, tank=tank)
     likelihood = reader.read(model, table, observations, how["own"])
-    free = list(how["free"]) or None
-    if free is not None and how["own"]:
-        groups = getattr(likelihood, "parts", {})
-        free = [n for name in free for n in ([f"{name}[{g}]" for g in groups] if name in how["own"] else [name])]
+    free = likelihood.each(how["free"]) or None
     search = {
         "bounds": how["bounds"],
         "priors": {name: LogNormalPrior(*pair) for name, pair in how["priors"].items()},
@@ -180,13 +178,13 @@ def _compared(
     """The fit beside those of other models of the same data."""
     others: dict[str, ModelFit] = {}
     if how["own"]:
-        shared = reader.read(_model(source), table, observations, ())
+        shared = reader.read(found.likelihood.model, table, observations, ())
         others["groups alike"] = fit_model(shared, list(how["free"]) or None, fixed=how["fixed"], **search)
     for text in how["against"]:
         name, equals, value = text.partition("=")
         if not equals:
             others[text] = fit_model(
-                reader.read(_model(text), table, observations, ()), starts=how["starts"], seed=how["seed"]
+                reader.read(_model(text)[0], table, observations, ()), starts=how["starts"], seed=how["seed"]
             )
             continue
         try:
@@ -201,21 +199,12 @@ def _compared(
     return compare_models({source: found, **others}) if others else []
 
 
-def _model(source: str) -> Model:
-    """The model of a network file, or the network of a rule book, whose rates are yet to be found."""
+def _model(source: str) -> tuple[Model, str | None]:
+    """The model of a network file; or of a rule book, whose rates are yet to be found, with its single cube."""
     if is_network_file(source):
-        return read(source)
-    network = network_of_book(source)[0]
-    return Model(network.with_rates(np.full(len(network.channels), BEGIN)))
-
-
-def _reader(kind: str, source: str, how: dict[str, Any]) -> DataKind:
-    """The reader of the data, with what it was told of the runs."""
-    if kind != Events.name:
-        return KINDS[kind]()
-    single = None if is_network_file(source) else network_of_book(source)[1]
-    cubes = how["cubes"][0] if how["cubes_given"] else None
-    return Events(runs=how["run_table"], cubes=cubes, single=single, tank=how["tank"] and Tank(how["tank"]))
+        return read(source), None
+    network, single = network_of_book(source)
+    return Model(network.with_rates(np.full(len(network.channels), BEGIN))), single
 
 
 def _observed(text: str) -> tuple[str, Observation]:

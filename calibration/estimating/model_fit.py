@@ -65,10 +65,10 @@ class ModelFit:
 
         Parameters without a prior have a flat one on their logarithm.
         """
-        most = self.fit.most
-        if not np.isfinite(logs).all() or (logs > np.log(most)).any():
+        values = np.exp(logs)
+        if not np.isfinite(logs).all() or (values > self.fit.most).any() or (values < self.fit.least).any():
             return -np.inf
-        point = dict(zip(self.fit.names, np.exp(logs).tolist(), strict=True))
+        point = dict(zip(self.fit.names, values.tolist(), strict=True))
         try:
             found = self.likelihood.value({**self.fixed, **point}).value
         except ValueError:  # this cannot be at such rates

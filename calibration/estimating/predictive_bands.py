@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from calibration.estimating.model_fit import ModelFit
-from kinetics.markov.panels import EventLikelihood, JointLikelihood, Likelihood, PanelLikelihood, PanelRun
+from kinetics.markov.panels import EventLikelihood, Likelihood, PanelLikelihood, PanelRun
 from kinetics.network import Model
 from kinetics.rates.fitted import ParameterPosterior, PosteriorDraws
 from kinetics.sampling import Auto, simulate_posterior
@@ -96,19 +96,13 @@ def predictive_bands(fit: ModelFit, drawn: PosteriorDraws | None, seed: int = 0)
     rng = np.random.default_rng(whole_number("seed", seed, 0))
     bands = []
     likelihood = fit.likelihood
-    parts = likelihood.parts if isinstance(likelihood, JointLikelihood) else {"": likelihood}
-    for name, part in parts.items():
-        point = likelihood.point_of(name, fit.point) if isinstance(likelihood, JointLikelihood) else fit.point
+    for name, part in likelihood.groups.items():
         table = None
         if drawn is not None:
-            kept = [k for k, each in enumerate(drawn.names)]
-            called = {
-                (likelihood.called(n, name) if isinstance(likelihood, JointLikelihood) else n): n
-                for n in part.parameters
-            }
-            kept = [k for k in kept if drawn.names[k] in called and called[drawn.names[k]] not in part.observed]
+            called = {likelihood.called(each, name): each for each in part.parameters if each not in part.observed}
+            kept = [k for k, each in enumerate(drawn.names) if each in called]
             table = ([called[drawn.names[k]] for k in kept], drawn.table[:, kept])
-        bands += _of_part(name, part, point, table, rng)
+        bands += _of_part(name, part, likelihood.point_of(name, fit.point), table, rng)
     return bands
 
 

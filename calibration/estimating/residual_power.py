@@ -91,7 +91,7 @@ def power_of_residuals(
 def _like(
     likelihood: Likelihood, network: Network, point: Mapping[str, float], kind: str, rng: np.random.Generator
 ) -> Likelihood:
-    """The same likelihood of data that are simulated."""
+    """The likelihood of simulated data in place of those observed."""
     if isinstance(likelihood, EventLikelihood):
         paths = []
         for path in likelihood.data.paths:

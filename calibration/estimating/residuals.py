@@ -3,7 +3,7 @@
 The place of what was seen in its predicted distribution, with ties broken at random, is uniform from 0 to 1 if the
 model holds, and independent of all places before (Rosenblatt 1952, doi:10.1214/aoms/1177729394; Dunn & Smyth 1996,
 doi:10.1080/10618600.1996.10474708). The distribution is that of simulated runs, which start from the states that the
-looks before allow: a rank among them is exactly uniform, however few they are.
+looks before allow: at the true parameters a rank among them is uniform, however few they are.
 
 Where the times of some events are exact, runs are ordered by the time of their first such event, then those that had
 none by the count of the column; the place in that order needs nothing of when a run would have been looked at.
@@ -203,16 +203,19 @@ def quantile_residuals(
 
 
 def _of_events(network: Network, data: EventData, rng: np.random.Generator) -> Residuals:
-    """Of each event, its wait (the rise of the integrated total rate is exponential) and which channel fired."""
+    """Of each event, its wait (the rise of the integrated total rate is exponential) and which channel fired.
+
+    What the end of a run, or a restart, leaves of a wait goes on in the next one: waits that end within their own run
+    are the short ones.
+    """
     which, run, time, value = [], [], [], []
+    since = 0.0
     for number, (path, causes) in enumerate(zip(data.paths, data.which or (), strict=True)):
         rates = network.propensities(path.states) * path.open_channels
         total = rates.sum(axis=1)
-        since = 0.0
         for event, (channel, at) in enumerate(zip(path.channels.tolist(), path.times.tolist(), strict=True)):
             since += total[event] * (at - (path.times[event - 1] if event else 0.0))
             if channel == RESTART:
-                since = 0.0  # what the restart cut short says no more than that nothing had happened yet
                 continue
             members = (
                 [channel] if causes[event] < 0 else [network.channel_places[n] for n in data.causes[causes[event]]]
@@ -225,6 +228,7 @@ def _of_events(network: Network, data: EventData, rng: np.random.Generator) -> R
                 time.append(at)
                 value.append(each)
             since = 0.0
+        since += total[-1] * (path.end - (path.times[-1] if path.times.size else 0.0))
     arrays = np.array(which, dtype=np.int64), np.array(run, dtype=np.int64), np.array(time), _open(np.array(value))
     return Residuals(("wait", "channel"), *arrays)
 

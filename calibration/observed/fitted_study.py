@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, is_dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 
 from calibration.estimating.model_fit import Compared, ModelFit
 from calibration.estimating.posterior_sampling import about
-from kinetics.markov.panels import EventLikelihood, JointLikelihood, Likelihood, PanelLikelihood
+from kinetics.markov.panels import Likelihood
 from kinetics.rates import FittedParameters, PosteriorDraws
 from kinetics.rates.fitted import FittedParameter
 from kinetics.support.limits import bytes_in
@@ -47,7 +47,7 @@ class FittedStudy:
             "network": Path(self.source).name,
             f"{self.kind}_file": Path(self.table).name,
             "table_sha256": hashlib.sha256(bytes_in(Path(self.table))).hexdigest(),
-            **size_of(self.found.likelihood),
+            **self.found.likelihood.size,
             "versions": {name: version(name) for name in ("wellmixed", "numpy", "scipy")},
         }
 
@@ -100,40 +100,12 @@ class FittedStudy:
         return "\n".join([*lines, *self.notes[len(self.found.fit.notes) :]])
 
 
-def parts_of(likelihood: Likelihood) -> Mapping[str, Likelihood]:
-    """Its sets of data by name; "" for the only one."""
-    return likelihood.parts if isinstance(likelihood, JointLikelihood) else {"": likelihood}
-
-
-def size_of(likelihood: Likelihood) -> dict[str, Any]:
-    """How much was seen: runs, and looks or events; and how columns are observed."""
-    runs, looks, events = 0, 0, 0
-    observed: dict[str, Any] = {}
-    for part in parts_of(likelihood).values():
-        if isinstance(part, PanelLikelihood):
-            runs, looks = runs + len(part.data.runs), looks + part.data.looks
-            observed |= {
-                name: {"model": each.name, **(asdict(each) if is_dataclass(each) else {})}
-                for name, each in part.data.observations.items()
-            }
-        elif isinstance(part, EventLikelihood):
-            runs, events = runs + len(part.data.paths), events + part.data.n_events
-    found: dict[str, Any] = {"runs": runs}
-    return found | ({"looks": looks, "observed": observed} if looks else {}) | ({"events": events} if events else {})
-
-
 def said_of(likelihood: Likelihood) -> str:
     """How much was seen, and for how long, as text."""
-    size = size_of(likelihood)
-    times = [0.0]
-    for part in parts_of(likelihood).values():
-        if isinstance(part, PanelLikelihood):
-            times += [run.times[-1] - run.start for run in part.data.runs]
-        elif isinstance(part, EventLikelihood):
-            times += [path.end for path in part.data.paths]
-    seen = counted(size["looks"], "look") if "looks" in size else counted(size.get("events", 0), "event")
-    longest = in_unit(f"{max(times):g}", likelihood.model.network.time_unit)
-    groups = f" in {len(parts_of(likelihood))} groups" if isinstance(likelihood, JointLikelihood) else ""
+    size = likelihood.size
+    seen = counted(size["looks"], "look") if "looks" in size else counted(size["events"], "event")
+    longest = in_unit(f"{likelihood.longest:g}", likelihood.model.network.time_unit)
+    groups = f" in {len(likelihood.groups)} groups" if len(likelihood.groups) > 1 else ""
     return f"{seen} at {counted(size['runs'], 'run')}{groups}, up to {longest} each"
 
 

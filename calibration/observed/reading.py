@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,13 +82,7 @@ def read_events(
 
 
 def _read(
-    network: Network,
-    events: str | Path | Table,
-    runs: str | Path | None,
-    *,
-    cubes: int | None,
-    single: str | None,
-    tank: Tank | None,
+    network: Network, events: str | Path | Table, runs: str | Path | None, **known: Any
 ) -> tuple[_Reader, dict[str, JumpPath]]:
     """The reader of a table and the path of each run."""
     words = {*EVENT_COLUMNS, *NOTES, *RUN_COLUMNS} & set(network.species) | {START, END, RESTARTED} & set(
@@ -97,7 +92,7 @@ def _read(
         raise ValueError(
             f"the network calls something {words.pop()!r}, which means something else in a table: rename it"
         )
-    given = Given(network, cubes, single, tank)
+    given = Given(network, **known)
     table = timed(read_table(events), network.time_unit)
     table.require("run", "time")
     given.check_titles(table, (*EVENT_COLUMNS, *NOTES))

@@ -1,6 +1,8 @@
-"""The base of all files of rates: what a prediction asks of them."""
+"""What a prediction asks of a file of rates, and the base of those that are events over exposure."""
 
 from __future__ import annotations
+
+from typing import Protocol
 
 import numpy as np
 
@@ -12,55 +14,41 @@ from kinetics.rates.posterior import Posterior, RatesPosterior
 from kinetics.support.arrays import Floats
 
 
-class AppliedRates:
-    """Rates that apply to a network, however they were found; the base of all files of rates.
+class AppliedRates(Protocol):
+    """What a prediction asks of any file of rates, however they were found."""
 
-    breaks : how breaks depend on their partners
-    tank : edges of the tank in which the rates were measured; None if that is not known, or there is none
-    """
+    @property
+    def breaks(self) -> BreakTerms:
+        """How breaks depend on their partners."""
 
-    __slots__ = ()
-
-    breaks: BreakTerms = BreakTerms()
-    tank: tuple[float, float, float] | None = None
+    @property
+    def measured_in(self) -> Tank | None:
+        """The tank in which the rates were measured; None if that is not known, or there is none."""
 
     @property
     def has_evidence(self) -> bool:
         """Whether any rate has an uncertainty."""
-        raise NotImplementedError
 
     def without_evidence(self) -> list[str]:
         """What is taken as exact, because its uncertainty is not known."""
-        raise NotImplementedError
 
     def apply(self, network: Network, tank: Tank | None = None) -> Network:
-        """`network` with these rates.
-
-        tank : where they are to be used; None for the one in which they were measured
-        """
-        raise NotImplementedError
+        """`network` with these rates; tank : where they are used, None for where they were measured."""
 
     def posterior(self, network: Network, tank: Tank | None = None) -> Posterior:
         """The posterior of the parameters behind the rate constants of `apply(network, tank)`."""
-        raise NotImplementedError
 
     def expected(self, network: Network, tank: Tank | None = None) -> Network:
-        """The network of `apply` with the posterior mean of each rate constant; the point rate if there is no evidence.
-
-        A channel without events then has a rate above 0: half an event in its exposure.
-        """
-        return self.posterior(network, tank).expected
-
-    @property
-    def measured_in(self) -> Tank | None:
-        """The tank in which the rates were measured."""
-        return None if self.tank is None else Tank(self.tank)
+        """The network of `apply` with the posterior mean of each rate constant."""
 
 
-class MeasuredRates(AppliedRates):
+class MeasuredRates:
     """Rates that are events over exposure, by channel or by class; the base of both."""
 
     __slots__ = ()
+
+    breaks: BreakTerms
+    tank: tuple[float, float, float] | None
 
     def expansion(self, network: Network) -> Expansion:
         """The network with these rates, expanded by the break model.
@@ -97,6 +85,18 @@ class MeasuredRates(AppliedRates):
         known, shares = self.known(network)
         scales = expansion.scales(self.measured_in, tank)
         return RatesPosterior(expansion, self.breaks, tuple(known), tuple(known.values()), scales, shares)
+
+    def expected(self, network: Network, tank: Tank | None = None) -> Network:
+        """The network of `apply` with the posterior mean of each rate constant; the point rate if there is no evidence.
+
+        A channel without events then has a rate above 0: half an event in its exposure.
+        """
+        return self.posterior(network, tank).expected
+
+    @property
+    def measured_in(self) -> Tank | None:
+        """The tank in which the rates were measured."""
+        return None if self.tank is None else Tank(self.tank)
 
     def draw_constants(self, network: Network, rng: np.random.Generator, n: int, tank: Tank | None = None) -> Floats:
         """Posterior draws (n, R') of the rate constants of `apply(network, tank)`, 1/tu; see `RatesPosterior`."""

@@ -13,7 +13,7 @@ from msgspec import Meta, field
 
 from kinetics.network import Model, Network, Tank
 from kinetics.network.checks import some_names
-from kinetics.rates.applied import AppliedRates
+from kinetics.rates.break_terms import BreakTerms
 from kinetics.rates.inference import arviz_data
 from kinetics.rates.posterior import Posterior
 from kinetics.support.arrays import Floats
@@ -40,7 +40,7 @@ class FittedParameter(Settings):
 class PosteriorDraws(Settings):
     """Draws from the joint posterior of some parameters.
 
-    names : of the parameters; draws : (N, P) values, of `sampled` that were drawn
+    names, draws : of the parameters (P,), and their values (N, P)
     how : `sampled` from it, or `normal on logarithms` with the curvature of the likelihood at the estimates
     seed : of the random numbers
     r_hat, effective : of each parameter, if sampled: the ratio of Gelman & Rubin, and the effective number of draws
@@ -78,7 +78,7 @@ class PosteriorDraws(Settings):
         return self.replace(draws=tuple(tuple(float(f"{x:.6g}") for x in self.draws[k]) for k in kept))
 
 
-class FittedParameters(Settings, AppliedRates):
+class FittedParameters(Settings):
     """Parameters of a model that were fitted to data: what `calibrate --counts` and its like write.
 
     parameters : name -> estimate and interval; of parameters of a network, channels (their rate constants), and
@@ -124,6 +124,15 @@ class FittedParameters(Settings, AppliedRates):
         """The estimates of what belongs to the network, and what was held; nothing that the data cannot tell."""
         known = {name: each.value for name, each in self.parameters.items() if each.value is not None}
         return {name: value for name, value in {**self.fixed, **known}.items() if name not in self.observed}
+
+    @property
+    def breaks(self) -> BreakTerms:
+        """Of first order: a fitted model has the rates of its own channels."""
+        return BreakTerms()
+
+    @property
+    def measured_in(self) -> None:
+        """A model with its own volume has no tank."""
 
     @property
     def has_evidence(self) -> bool:

@@ -2,7 +2,7 @@
 
     run, time, and a column for each species: its copies at that time     a row a look
 
-Nothing is told of what happened between two looks. docs/your_data.md describes what a reader takes.
+The table does not record what happened between two looks. docs/your_data.md describes what a reader takes.
 """
 
 from __future__ import annotations

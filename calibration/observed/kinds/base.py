@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -35,6 +35,11 @@ class DataKind(ABC):
     name: ClassVar[str]
     summary: ClassVar[str]
     is_counted: ClassVar[bool] = True  # whether columns hold counts, which may be observed with an error
+
+    @classmethod
+    def told(cls, **known: Any) -> Self:  # noqa: ARG003
+        """The kind with what is known of the runs besides the table; by default it needs nothing."""
+        return cls()
 
     @abstractmethod
     def of_table(self, model: Model, table: Table, observations: Mapping[str, Observation]) -> Likelihood:

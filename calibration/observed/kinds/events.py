@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar, Self
 
 from calibration.observed.kinds.base import DataKind
 from calibration.observed.reading import read_events
@@ -39,6 +39,11 @@ class Events(DataKind):
     cubes: int | None = None
     single: str | None = None
     tank: Tank | None = None
+
+    @classmethod
+    def told(cls, **known: Any) -> Self:
+        """The kind with these fields."""
+        return cls(**known)
 
     def of_table(self, model: Model, table: Table, observations: Mapping[str, Observation]) -> EventLikelihood:
         """The likelihood of the events in a table."""

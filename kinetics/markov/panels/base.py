@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from kinetics.markov.panels.slopes import Slopes
 from kinetics.network import Model, Network
@@ -89,6 +89,33 @@ class Likelihood(ABC):
     def shared(self, name: str) -> str:
         """What a parameter is called where groups share it."""
         return name
+
+    @property
+    def groups(self) -> Mapping[str, Likelihood]:
+        """Its sets of data by name; "" for the only one."""
+        return {"": self}
+
+    def each(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Parameters of the model as they are called here: several for one of which each group has its own."""
+        return tuple(dict.fromkeys(names))
+
+    def called(self, name: str, part: str) -> str:  # noqa: ARG002
+        """What a parameter of a set of data is called here."""
+        return name
+
+    def point_of(self, part: str, point: Mapping[str, float]) -> dict[str, float]:  # noqa: ARG002
+        """The values of the parameters of a set of data."""
+        return dict(point)
+
+    @property
+    @abstractmethod
+    def size(self) -> dict[str, Any]:
+        """How much was seen, ready for JSON: `runs`, and `looks` or `events`, and how columns are observed."""
+
+    @property
+    @abstractmethod
+    def longest(self) -> float:
+        """The time, tu, for which the longest run was observed."""
 
     def is_like(self, other: Likelihood) -> bool:
         """Whether the other has the same model, with the same formulas, and the same data."""

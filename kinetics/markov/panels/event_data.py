@@ -11,7 +11,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -158,6 +158,16 @@ class EventLikelihood(Likelihood):
     def data_digest(self) -> str:
         """SHA-256 of the events."""
         return self.data.digest
+
+    @property
+    def size(self) -> dict[str, Any]:
+        """Numbers of runs and events."""
+        return {"runs": len(self.data.paths), "events": self.data.n_events}
+
+    @property
+    def longest(self) -> float:
+        """The time, tu, for which the longest run was observed."""
+        return max(path.end for path in self.data.paths)
 
     def _gradient(self, slopes: Slopes, sums: _Sums, rates: Floats, shares: Floats) -> Floats:
         """Derivatives (P,): for every channel, the events that are its own less those expected of it."""

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -49,6 +50,25 @@ class JointLikelihood(Likelihood):
         return next(iter(self.parts.values())).model
 
     @property
+    def groups(self) -> Mapping[str, Likelihood]:
+        """The parts."""
+        return self.parts
+
+    @property
+    def size(self) -> dict[str, Any]:
+        """The numbers of all parts together."""
+        found: dict[str, Any] = {}
+        for part in self.parts.values():
+            for name, value in part.size.items():
+                found[name] = value if isinstance(value, dict) else found.get(name, 0) + value
+        return found
+
+    @property
+    def longest(self) -> float:
+        """The time, tu, of the longest run of all."""
+        return max(part.longest for part in self.parts.values())
+
+    @property
     def data_digest(self) -> str:
         """SHA-256 of the data of all parts."""
         told = sorted(each.data_digest for each in self.parts.values())
@@ -78,11 +98,12 @@ class JointLikelihood(Likelihood):
 
     @property
     def usually_free(self) -> tuple[str, ...]:
-        """Those of the model, with one for each part where each has its own."""
-        names = next(iter(self.parts.values())).usually_free
-        return tuple(
-            each for name in names for each in ([f"{name}[{p}]" for p in self.parts] if name in self.own else [name])
-        )
+        """The parameters of the model; several, one for each part, if each part has its own."""
+        return self.each(next(iter(self.parts.values())).usually_free)
+
+    def each(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Parameters of the model as they are called here: several for one of which each part has its own."""
+        return tuple(dict.fromkeys(self.called(name, part) for name in names for part in self.parts))
 
     def scored(self, point: Mapping[str, float] | None, names: Sequence[str]) -> Scored:
         """The log-likelihood and its derivatives by the logarithms of the parameters `names`."""

@@ -18,6 +18,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import expm1, inf, log
+from typing import Any
 
 import numpy as np
 
@@ -102,6 +103,17 @@ class PanelLikelihood(Likelihood):
     def data_digest(self) -> str:
         """SHA-256 of what was seen."""
         return self.data.digest
+
+    @property
+    def size(self) -> dict[str, Any]:
+        """Numbers of runs and looks, and the observation model of each column."""
+        models = {name: {"model": each.name, **vars(each)} for name, each in self.data.observations.items()}
+        return {"runs": len(self.data.runs), "looks": self.data.looks, "observed": models}
+
+    @property
+    def longest(self) -> float:
+        """The time, tu, from the start of the longest run to its last look."""
+        return max(float(run.times[-1] - run.start) for run in self.data.runs)
 
     def data_at(self, point: Mapping[str, float]) -> PanelData:
         """The data, with observations at these values."""

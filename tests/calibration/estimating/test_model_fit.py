@@ -125,6 +125,14 @@ def test_draws_are_those_of_the_posterior():
 
 
 @pytest.mark.skipif(not HAS_SAMPLER, reason="the sampler is an extra")
+def test_draws_keep_to_the_bounds():
+    """The posterior of 20 waits of 3 reaches from .2 to .5; both bounds cut into it."""
+    drawn = sample_posterior(fit_model(waits(), bounds={"k": (0.3, 0.4)}), draws=600, seed=1).table
+    assert 0.3 <= drawn.min() < 0.31
+    assert 0.39 < drawn.max() <= 0.4
+
+
+@pytest.mark.skipif(not HAS_SAMPLER, reason="the sampler is an extra")
 def test_an_interrupt_leaves_the_draws_made_so_far(monkeypatch):
     found, calls = fit_model(waits()), []
 
@@ -183,6 +191,15 @@ def test_the_level_of_the_residual_tests():
         for seed in range(400)
     )
     assert binom.sf(rejected - 1, 400, 0.05) > 1e-6
+
+
+def test_waits_go_on_from_run_to_run():
+    """Short runs of one copy, most of which end before the event: waits that end within their run are short."""
+    paths = [sample_path(DECAY, {"A": 1, "B": 0}, end=0.3, seed=7, run=run) for run in range(200)]
+    whole = quantile_residuals(EventLikelihood(DECAY, EventData(paths)), {"k": 1.0}, seed=1)
+    assert whole.p > 1e-3
+    each = [quantile_residuals(EventLikelihood(DECAY, EventData([path])), {"k": 1.0}, seed=1) for path in paths]
+    assert kstest(np.concatenate([found.of("wait") for found in each]), "uniform").pvalue < 1e-6  # the control
 
 
 def test_residuals_of_events_with_known_times():
