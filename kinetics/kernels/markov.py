@@ -122,6 +122,34 @@ def retreat(begins, targets, shares, stays, starts, chances, now, before, means)
 
 
 @compiled
+def summed_steps(begins, sources, shares, stays, weights, now, sums):
+    """Step, v <- M v; before each step, add weights[t, b] v to the sums.
+
+    begins : (N + 1,) uint32, where the entries of each of M's rows off its diagonal begin in the next two
+    sources : (K,) uint32, their columns
+    shares : (K,) the entries
+    stays : (N,) those on the diagonal
+    weights : (T, B)
+    now : (N,) v, changed in place; sums : (T, N)
+    """
+    n = stays.size
+    after = np.empty(n)
+    for b in range(weights.shape[1]):
+        for t in range(weights.shape[0]):
+            if weights[t, b] != 0.0:
+                for i in range(n):
+                    sums[t, i] += weights[t, b] * now[i]
+        end = begins[0]
+        for i in range(n):
+            value = stays[i] * now[i]
+            begin, end = end, begins[i + 1]
+            for k in range(begin, end):
+                value += shares[k] * now[sources[k]]
+            after[i] = value
+        now[:] = after
+
+
+@compiled
 def powers(begins, sources, shares, stays, vectors):
     """Fill the rows of `vectors` after the first, each one step after the row before, p <- p P.
 

@@ -240,7 +240,7 @@ class Sensitivity:
         began, chain = time.process_time(), self._chain
         truncated = np.zeros_like(ways)
         first = FirstPhase.of(chain.transitions, self._start, ways, truncated, interval, chain.space)
-        later, wrong = expected_from_all(chain.transitions.stopped(stops), held.astype(float), first.length)
+        (later,), wrong = expected_from_all(chain.transitions.stopped(stops), held.astype(float), [first.length])
         before = self._at(np.where(ways, later, 0.0)[None, :], interval[0], stops=~ways)[0]
         within = self._at(held[None, :].astype(float), first.length, stops=stops, start=first.start)[0]
         value = before.value + first.share * within.value

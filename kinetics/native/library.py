@@ -35,6 +35,7 @@ VOID = (
         "mix",
         "absorb",
         "retreat",
+        "summed_steps",
         "accumulated",
         "occupied",
         "corrected",
@@ -125,6 +126,16 @@ class ChainMoves(Structure):
         *((name, POINTER(c_uint32)) for name in ("begins", "sources")),
         *((name, POINTER(c_double)) for name in ("shares", "exits")),
         ("n", c_int64),
+    ]
+
+
+class RunMoves(Structure):
+    """A matrix by runs of rows that are alike."""
+
+    _fields_ = [
+        *((name, POINTER(c_int64)) for name in ("firsts", "entries", "offsets", "begins", "pieces")),
+        *((name, POINTER(c_double)) for name in ("shares", "stays")),
+        *((name, c_int64) for name in ("n_runs", "n", "reach", "is_downwards")),
     ]
 
 

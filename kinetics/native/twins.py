@@ -21,6 +21,7 @@ from kinetics.native.lanes import Lanes
 from kinetics.native.library import (
     ChainMoves,
     ChannelModel,
+    RunMoves,
     StopTable,
     ThinningTables,
     call,
@@ -35,6 +36,9 @@ Ints = NDArray[np.int64]
 Words = NDArray[np.uint64]
 Stopping = tuple[Stop, Floats]  # the condition at which runs end, and when it first held in each
 
+CACHE_BYTES = 2**20  # that steps which follow each other take at a time
+MOST_TOGETHER = 16  # of these steps
+PIECE = 256  # rows that a step does at a time: ROWS in chains.c
 BLOCK = 8  # channels, whose propensities are summed by themselves
 
 
@@ -249,6 +253,54 @@ def retreat(moves: Any, starts: Ints, chances: Floats, now: Floats, before: Floa
             continue
 
         kernels.markov.retreat(*moves, first, weights, now, before, out)
+
+
+def summed_steps(matrix: Any, diagonal: Floats, weights: Floats, vector: Floats) -> Floats:
+    """Sums (T, N) of weights[t, b] v over steps v <- M v, from a vector (N,): `markov.summed_steps`.
+
+    matrix : csr_array (N, N), M off its diagonal (N,); weights : (T, B)
+    """
+    sums, n_steps = np.zeros((len(weights), diagonal.size)), weights.shape[1]
+    parts = short_slices(n_steps, 2.0 * (matrix.nnz + diagonal.size))
+    if not is_built():
+        places, now = (matrix.indptr.astype(np.uint32), matrix.indices.astype(np.uint32)), vector.copy()
+        for part in parts:
+            some = np.ascontiguousarray(weights[:, part])
+            kernels.markov.summed_steps(*places, matrix.data, diagonal, some, now, sums)
+        return sums
+
+    moves = run_moves(matrix, diagonal)
+    # of the rows between a step and the one after it: entries, the diagonal, two vectors and a sum
+    row_bytes = 8.0 * (matrix.nnz / diagonal.size + 4.0)
+    together = int(np.clip(CACHE_BYTES / (row_bytes * (moves.reach + 512.0)), 1, MOST_TOGETHER))
+    vectors = np.empty((together + 1, diagonal.size))
+    vectors[0] = vector
+    for part in parts:
+        some = np.ascontiguousarray(weights[:, part])
+        call("summed_steps", moves, some, *some.shape, together, vectors, sums)
+    return sums
+
+
+def run_moves(matrix: Any, diagonal: Floats) -> Any:
+    """A csr_array (N, N) by runs of rows whose entries are in the same places next to the diagonal (N,)."""
+    n, begins = diagonal.size, matrix.indptr.astype(np.int64)
+    counts = np.diff(begins)
+    rows = np.repeat(np.arange(n), counts)
+    offsets, which = matrix.indices - rows, np.arange(rows.size) - begins[rows]
+    is_first = np.append(True, counts[1:] != counts[:-1])
+    before = np.maximum(begins[rows - 1] + which, 0)
+    same = is_first[rows] | (offsets[np.minimum(before, max(rows.size - 1, 0))] == offsets)
+    is_first[rows[~same]] = True
+    firsts = np.flatnonzero(is_first)
+    run = np.cumsum(is_first) - 1
+    lengths = np.diff(np.append(firsts, n))
+    there = run[rows]
+    shares = np.empty(matrix.nnz)
+    shares[begins[firsts[there]] + which * lengths[there] + (rows - firsts[there])] = matrix.data
+    entries = np.append(0, np.cumsum(counts[firsts]))
+    up, down = int(offsets.max(initial=0)), -int(offsets.min(initial=0))
+    places = np.append(firsts, n), entries, offsets[is_first[rows]], begins[firsts], run[::PIECE]
+    return filled(RunMoves, *places, shares, diagonal, firsts.size, n, min(up, down), int(down < up))
 
 
 def reduce(band: Floats, leaving: Floats, exits: Floats) -> int:

@@ -14,16 +14,15 @@ from typing import Protocol
 import numpy as np
 
 from kinetics.markov.panels.carrying import SHORT, Carried, carry
-from kinetics.markov.panels.carrying import carried as carry_over
 from kinetics.markov.panels.data import PanelData, PanelRun
 from kinetics.markov.panels.panel_step import PanelStep
-from kinetics.markov.passage.backward import expected_from_all
+from kinetics.markov.passage.backward import uniformised
 from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient.projection import largest
 from kinetics.network import Network
 from kinetics.support.arrays import Floats
 
-CUT = 1e-12  # of the probability of what was seen, for the states that are dropped from each step
+CUT = 1e-10  # of the probability of what was seen, for the states that are dropped from each step
 PARTS = 4  # of a step, between which p h is looked at too
 AROUND = 3  # events by which the states kept are extended: between two ends of a step the probability moves on
 
@@ -104,17 +103,11 @@ def _along(carried: Carried, values: Floats) -> tuple[Floats, Floats]:
 
     A step from one state to one other leads through many: their p h is 0 at both ends.
     """
-    chain, length = carried.chain, carried.step.length / PARTS
-    there, later, p, h = [carried.start], [values], carried.start, values
-    for _ in range(PARTS - 1):
-        p, _ = carry_over(chain, p, length, SHORT)
-        there.append(p)
-    there.append(carried.there)
-    for _ in range(PARTS):
-        h, _ = expected_from_all(chain, h, length, SHORT)
-        later.append(h)
-    held = np.sum([p * h for p, h in zip(there, reversed(later), strict=True)], axis=0)
-    return held, later[-1]
+    chain, times = carried.chain, [carried.step.length * part / PARTS for part in range(1, PARTS + 1)]
+    there, _ = uniformised(chain, carried.start, times, SHORT, is_backwards=False)
+    later, _ = uniformised(chain, values, times, SHORT, is_backwards=True)
+    held = np.vstack([carried.start, there]) * np.vstack([later[::-1], values])
+    return held.sum(axis=0), later[-1]
 
 
 def _narrowed(step: PanelStep, kept: Mask, begins: Mask, lasts: Mask) -> PanelStep:

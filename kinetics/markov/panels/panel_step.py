@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from kinetics.markov.derivatives import ChannelEntries
 from kinetics.markov.panels.data import PanelData, PanelRun
+from kinetics.markov.panels.reach import Reach
 from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient.search import Search
 from kinetics.markov.transient.states import StateSpace
@@ -65,7 +65,7 @@ class PanelStep:
         length = length_before(run, look)
         states, is_stopped = begins, np.ones(len(begins), dtype=bool)
         if length > 0.0:
-            search = Search(network, begins, most, hopeless(network, data, run, look))
+            search = Search(network, begins, most, reach_of(network, data, run, look).out_of_reach(np.inf))
             search.go_on(0)
             states, is_stopped = search.states.copy(), search.stopped()
         space = StateSpace(network, states, is_stopped)
@@ -218,30 +218,9 @@ def _channels_of(network: Network, data: PanelData, run: PanelRun, look: int) ->
     return np.array([network.channel_places[name] for name in data.events[event]], dtype=np.int64)
 
 
-def hopeless(network: Network, data: PanelData, run: PanelRun, look: int) -> Callable[[Ints], Mask]:
-    """Whether what was seen at a look is out of reach of states (N, S) before it: they hold too little of what never
-    grows, or too much of what never shrinks."""
-    fired, weights = _channels_of(network, data, run, look), data.weights(network)
-    low, high = np.full(len(weights), -np.inf), np.full(len(weights), np.inf)
-    for column, observation in enumerate(data.observations.values()):
-        seen = float(run.seen[look, column])
-        if not np.isnan(seen):
-            low[column], high[column] = observation.support(seen)
-    changes = network.stoichiometry @ weights.T
-    if fired is not None:
-        low, high = low - changes[fired].max(axis=0), high - changes[fired].min(axis=0)
-    works = network.known_rates > 0 if not network.laws else np.ones(len(network.channels), dtype=bool)
-    never_more, never_less = np.all(changes[works] <= 0, axis=0), np.all(changes[works] >= 0, axis=0)
-
-    is_bound = (never_more & (low > -np.inf)) | (never_less & (high < np.inf))
-
-    def is_out_of_reach(states: Ints) -> Mask:
-        if not is_bound.any():
-            return np.zeros(len(states), dtype=bool)
-        counted = states @ weights.T
-        return np.asarray((((counted < low) & never_more) | ((counted > high) & never_less)).any(axis=1))
-
-    return is_out_of_reach
+def reach_of(network: Network, data: PanelData, run: PanelRun, look: int) -> Reach:
+    """From which states a look can be reached."""
+    return Reach(network, data, run, look, _channels_of(network, data, run, look))
 
 
 def ends_at(

@@ -8,6 +8,7 @@ doi:10.1080/03461238.1953.10419459; backwards: Katoen et al. (2001), doi:10.1007
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -50,32 +51,51 @@ def expected_integral(transitions: Transitions, start: Floats, values: Floats, t
 
 
 def expected_from_all(
-    transitions: Transitions, values: Floats, time: float, left_out: float = LEFT_OUT
+    transitions: Transitions, values: Floats, times: Sequence[float], left_out: float = LEFT_OUT
 ) -> tuple[Floats, float]:
-    """Means (N,) of `values` (N,), between 0 and 1, at a time, tu, from every state; their relative error.
+    """Means (T, N) of `values` (N,), between 0 and 1, at rising times, tu, from every state; their relative error.
 
     left_out : of the Poisson probability of more steps, which is beyond that error, as are numbers below 1e-300
 
     ValueError: too many steps
     """
-    steps = steps_until(transitions, time)
+    return uniformised(transitions, values, times, left_out, is_backwards=True)
+
+
+def uniformised(
+    transitions: Transitions, vector: Floats, times: Sequence[float], left_out: float, is_backwards: bool
+) -> tuple[Floats, float]:
+    """Vectors (T, N) at rising times, tu, from one (N,): the means of a function from every state, by steps backwards,
+    or the probabilities of the states. Their relative error, but for `left_out` as in `expected_from_all`."""
+    last = times[-1]
+    steps = steps_until(transitions, last)
     if steps > MAX_STEPS:
-        raise ValueError(f"the chain is too stiff: {steps:.3g} steps until {time:g} tu, at most {MAX_STEPS}")
-    if time == 0.0 or not transitions.rates.any():
-        return values.copy(), 0.0
-    forecast(steps * STEP_SECONDS * (values.size + transitions.rates.size), f"{rough(steps)} steps back")
+        raise ValueError(
+            f"the chain is too stiff: {steps:.3g} steps from one time to one {last:g} tu away, at most {MAX_STEPS}"
+        )
+    if last == 0.0 or not transitions.rates.any():
+        return np.tile(vector, (len(times), 1)), 0.0
+    forecast(steps * STEP_SECONDS * (vector.size + transitions.rates.size), f"{rough(steps)} steps")
     moves, stays, roundings = one_step(transitions)
-    mean = jump_rate(transitions) * time
-    first, weights = poisson_window(mean, left_out)
-    now, found, n_steps = values.copy(), np.zeros(values.size), first + weights.size
-    for n in range(n_steps):
-        if n >= first:
-            found += weights[n - first] * now
-        now = moves @ now + stays * now
+    windows = [poisson_window(jump_rate(transitions) * time, left_out) for time in times]
+    first, weights = windows[-1]
+    n_steps = first + weights.size
+    shares = np.zeros((len(times), n_steps))
+    for row, (begin, window) in zip(shares, windows, strict=True):
+        row[begin : begin + window.size] = window
+    found = twins.summed_steps(moves if is_backwards else moves.T.tocsr(), stays, shares, vector)
+    if not is_backwards:
+        # forwards, a state adds up what all others bring: as many products as lead to it
+        roundings += 2.0 * (int(np.bincount(transitions.columns, minlength=1).max()) + 2.0)
     # as in `BackwardPass`: each step rounds, rates are wrong in jumps and waits, and weights are added up
-    jumps = n_steps + float(transitions.exits.max()) * time
+    jumps = n_steps + float(transitions.exits.max()) * last
     relative = n_steps * roundings + jumps * (transitions.roundings + 1.0) + 2.0 * weights.size + 4.0
-    wrong = np.expm1(ROUNDOFF * relative) + float(weights_errors(mean, first, weights.size).max())
+    wrong = np.expm1(ROUNDOFF * relative)
+    means = [jump_rate(transitions) * time for time in times]
+    wrong += max(
+        float(weights_errors(mean, begin, window.size).max())
+        for mean, (begin, window) in zip(means, windows, strict=True)
+    )
     return found, 1.01 * float(wrong)
 
 

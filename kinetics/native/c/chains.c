@@ -286,6 +286,69 @@ void retreat(const ChainMoves *steps, const int64_t *starts, const double *chanc
         }
 }
 
+/* A matrix whose diagonal is `stays`. In rows firsts[r] to firsts[r + 1] the other entries are in the same places next to
+ * the diagonal, offsets[entries[r]] to offsets[entries[r + 1]]; of these rows, all shares at the first of the places come
+ * first, from shares[begins[r]] on. The piece p of ROWS rows begins in run pieces[p]. */
+typedef struct {
+    const int64_t *firsts, *entries, *offsets, *begins, *pieces;
+    const double *shares, *stays;
+    int64_t n_runs, n, reach, is_downwards; /* no offset is larger than `reach`, or downwards, smaller than -reach */
+} RunMoves;
+
+enum { ROWS = 256 };
+
+/* A piece of one step, after = M now. Each entry is added to all rows of a run, so that they are side by side. */
+CLONES static void one_piece(const RunMoves *m, int64_t piece, const double *restrict now, double *restrict after)
+{
+    const int64_t from = piece * ROWS, to = from + ROWS < m->n ? from + ROWS : m->n;
+    const double *restrict stays = m->stays;
+    for (int64_t i = from; i < to; i++)
+        after[i] = stays[i] * now[i];
+    for (int64_t r = m->pieces[piece]; r < m->n_runs && m->firsts[r] < to; r++) {
+        const int64_t first = m->firsts[r], length = m->firsts[r + 1] - first;
+        const int64_t begin = first > from ? first : from, end = first + length < to ? first + length : to;
+        const double *share = m->shares + m->begins[r] + (begin - first);
+        for (int64_t e = m->entries[r]; e < m->entries[r + 1]; e++, share += length) {
+            const double *restrict there = now + begin + m->offsets[e];
+            double *restrict here = after + begin;
+            for (int64_t j = 0; j < end - begin; j++)
+                here[j] += share[j] * there[j];
+        }
+    }
+}
+
+/* sum += weight now over a piece. */
+CLONES static void add_piece(int64_t n, int64_t piece, double weight, const double *restrict now, double *restrict sum)
+{
+    const int64_t from = piece * ROWS, to = from + ROWS < n ? from + ROWS : n;
+    for (int64_t i = from; i < to; i++)
+        sum[i] += weight * now[i];
+}
+
+/* Steps v <- M v; before each, sums[t] += weights[t, b] v. The first of n_kept + 1 vectors is v. A row needs none that is
+ * farther ahead than `reach`: a step can follow the one before at that distance, while what that wrote is still in the
+ * cache. So n_kept steps go over the rows together. */
+void summed_steps(const RunMoves *m, const double *weights, int64_t n_sums, int64_t n_steps, int64_t n_kept, double *vectors,
+                  double *sums)
+{
+    const int64_t n = m->n, n_pieces = (n + ROWS - 1) / ROWS, lag = (m->reach + ROWS - 1) / ROWS + 1;
+    for (int64_t b = 0; b < n_steps; b += n_kept) {
+        const int64_t together = n_steps - b < n_kept ? n_steps - b : n_kept;
+        for (int64_t front = 0; front < n_pieces + (together - 1) * lag; front++)
+            for (int64_t s = 0; s < together; s++) {
+                const int64_t place = front - s * lag, piece = m->is_downwards ? n_pieces - 1 - place : place;
+                const double *now = vectors + s * n;
+                if (place < 0 || place >= n_pieces)
+                    continue;
+                one_piece(m, piece, now, vectors + (s + 1) * n);
+                for (int64_t t = 0; t < n_sums; t++)
+                    if (weights[t * n_steps + b + s] != 0.0)
+                        add_piece(n, piece, weights[t * n_steps + b + s], now, sums + t * n);
+            }
+        memcpy(vectors, vectors + together * n, (size_t)n * sizeof *vectors);
+    }
+}
+
 /* mixed[rows[a]] += sum over b of weights[a, b] vectors[b], the Poisson mixture, in tiles that stay in the cache. */
 CLONES void mix(const int64_t *rows, const double *weights, int64_t n_rows, int64_t n_steps, const double *vectors,
                 int64_t n, double *mixed)

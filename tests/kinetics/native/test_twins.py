@@ -10,6 +10,7 @@ from crowded_networks import JOINING, LINE, SWELLING
 from known_systems import line
 from numpy.testing import assert_array_equal
 from sampled_networks import ENZYME, MIXED, PRODUCTS, THIRD_ORDER, ring
+from scipy import sparse
 
 from kinetics.kernels import direct, elimination, exploration, markov, outcomes, residuals
 from kinetics.kernels import statistics as tallies
@@ -295,6 +296,29 @@ def test_steps_of_a_chain_are_the_same():
         begin, now = (np.array([3, 0]), np.array([0.25, 0.75])), (vectors[1].copy(), np.empty(200))
         in_c, by_numba = partial(twins.retreat, twins.backward_moves(*arrays)), partial(markov.retreat, *arrays)
         assert_same(in_c, by_numba, (*begin, *now, np.empty(steps)))
+
+
+@pytest.mark.parametrize("kind", ["random", "band", "ends in a sink", "one state", "no entries"])
+def test_steps_that_are_added_up_are_the_same(kind):
+    """By rows of any form, in any order of steps: bit for bit what plain steps give."""
+    rng = np.random.default_rng(4)
+    n = {"one state": 1, "no entries": 40}.get(kind, 1100)
+    matrix = np.zeros((n, n))
+    if kind == "random":
+        matrix = rng.random((n, n)) * (rng.random((n, n)) < 0.01)
+    elif n > 1000:
+        for offset in (-31, -1, 30):
+            matrix += np.diag(rng.random(n - abs(offset)), offset) * (rng.random(n) < 0.99)
+        if kind == "ends in a sink":
+            matrix[:, -1] = rng.random(n) * (rng.random(n) < 0.2)
+    for table in (sparse.csr_array(matrix), sparse.csr_array(matrix.T)):
+        diagonal, vector = rng.random(n), rng.random(n)
+        for weights in (rng.random((1, 1)), rng.random((1, 7)), rng.random((3, 41)) * (rng.random((3, 41)) < 0.5)):
+            sums, now = np.zeros((len(weights), n)), vector.copy()
+            places = table.indptr.astype(np.uint32), table.indices.astype(np.uint32)
+            markov.summed_steps(*places, table.data, diagonal, weights, now, sums)
+            found = twins.summed_steps(table, diagonal, weights, vector)
+            np.testing.assert_array_equal(found, sums)
 
 
 @pytest.mark.parametrize("is_occupation", [False, True])
