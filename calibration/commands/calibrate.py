@@ -184,7 +184,8 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
 def refuse_for(mode: str) -> None:
     """ValueError where an option was given that means nothing in this mode."""
     known = (OF_DATA | {"observed"}) if mode in COUNTED else OF_EVENTS
-    known |= OF_FIT if mode in DATA and is_fit(mode, given_options()) else {"breaks"}
+    # a set of its own: the commands of one process share those above
+    known = known | (OF_FIT if mode in DATA and is_fit(mode, given_options()) else {"breaks"})
     for name, option in given_options().items():
         modes = MODES_OF.get(name, (*MODES, *DATA))
         if mode not in modes:

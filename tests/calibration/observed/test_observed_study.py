@@ -227,6 +227,13 @@ def test_a_network_file_says_what_can_happen(wellmixed_here, tmp_path, tables, s
 WATCHED = ("line4", "--events", "events.csv")
 
 
+def test_options_of_one_mode_are_not_taken_by_another_later(wellmixed_here, tmp_path, tables):
+    """A fit, which takes --seed, comes before a calibration in the same process, which does not."""
+    wellmixed_here("calibrate", *WATCHED, "--free", "1+1->2", "--seed", 2, "--out", "rates.toml", cwd=tmp_path)
+    done = wellmixed_here("calibrate", *WATCHED, "--seed", 2, "--out", "rates.toml", cwd=tmp_path)
+    assert "--seed applies to mechanics runs, and --events makes none" in " ".join(done.err.split())
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
