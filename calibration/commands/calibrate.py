@@ -48,7 +48,7 @@ MODES_OF = {
     **dict.fromkeys(FITTED, DATA),
 }
 # Options that mean something where no runs are made
-OF_DATA = {"words", "out", "as_json", "report", *DATA}
+OF_DATA = frozenset({"words", "out", "as_json", "report", *DATA})
 OF_EVENTS = OF_DATA | {"cubes", "run_table", "tank"}
 OF_FIT = {"seed", *FITTED}
 FILES = or_study_folder(PLAN, {"runs_folder": RUNS, "out": RATES, "report": "calibration.html"})
@@ -184,8 +184,7 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
 def refuse_for(mode: str) -> None:
     """ValueError where an option was given that means nothing in this mode."""
     known = (OF_DATA | {"observed"}) if mode in COUNTED else OF_EVENTS
-    # a set of its own: the commands of one process share those above
-    known = known | (OF_FIT if mode in DATA and is_fit(mode, given_options()) else {"breaks"})
+    known |= OF_FIT if mode in DATA and is_fit(mode, given_options()) else {"breaks"}
     for name, option in given_options().items():
         modes = MODES_OF.get(name, (*MODES, *DATA))
         if mode not in modes:

@@ -31,7 +31,7 @@ from kinetics.markov.derivatives import (
 from kinetics.markov.derivatives.squaring import MAX_SQUARED
 from kinetics.markov.first_phase import FirstPhase
 from kinetics.markov.network_questions import chain_to
-from kinetics.markov.passage.backward import LOST, expected_from_all
+from kinetics.markov.passage.backward import LOST, uniformised
 from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import totals
@@ -240,7 +240,8 @@ class Sensitivity:
         began, chain = time.process_time(), self._chain
         truncated = np.zeros_like(ways)
         first = FirstPhase.of(chain.transitions, self._start, ways, truncated, interval, chain.space)
-        (later,), wrong = expected_from_all(chain.transitions.stopped(stops), held.astype(float), [first.length])
+        stopped = chain.transitions.stopped(stops)
+        (later,), wrong = uniformised(stopped, held.astype(float), [first.length], is_backwards=True)
         before = self._at(np.where(ways, later, 0.0)[None, :], interval[0], stops=~ways)[0]
         within = self._at(held[None, :].astype(float), first.length, stops=stops, start=first.start)[0]
         value = before.value + first.share * within.value

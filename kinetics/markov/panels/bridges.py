@@ -104,8 +104,8 @@ def _along(carried: Carried, values: Floats) -> tuple[Floats, Floats]:
     A step from one state to one other leads through many: their p h is 0 at both ends.
     """
     chain, times = carried.chain, [carried.step.length * part / PARTS for part in range(1, PARTS + 1)]
-    there, _ = uniformised(chain, carried.start, times, SHORT, is_backwards=False)
-    later, _ = uniformised(chain, values, times, SHORT, is_backwards=True)
+    there, _ = uniformised(chain, carried.start, times, is_backwards=False, left_out=SHORT)
+    later, _ = uniformised(chain, values, times, is_backwards=True, left_out=SHORT)
     held = np.vstack([carried.start, there]) * np.vstack([later[::-1], values])
     return held.sum(axis=0), later[-1]
 

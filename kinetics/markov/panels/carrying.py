@@ -35,5 +35,5 @@ def carry(step: PanelStep, network: Network, chances: Floats) -> Carried:
     """A step from the probabilities (M,) of the states in which it begins."""
     chain, start = step.chain(network), step.start(chances)
     left_out = SHORT if step.is_projected else FORGOTTEN if len(step.ends) == 1 else LEFT_OUT
-    (there,), relative = uniformised(chain, start, [step.length], left_out, is_backwards=False)
+    (there,), relative = uniformised(chain, start, [step.length], is_backwards=False, left_out=left_out)
     return Carried(step, chain, start, there, relative, float(there[-2]) + left_out)

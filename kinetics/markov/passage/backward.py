@@ -50,23 +50,16 @@ def expected_integral(transitions: Transitions, start: Floats, values: Floats, t
     return BackwardPass(transitions, start, values).integral(time)
 
 
-def expected_from_all(
-    transitions: Transitions, values: Floats, times: Sequence[float], left_out: float = LEFT_OUT
+def uniformised(
+    transitions: Transitions, vector: Floats, times: Sequence[float], *, is_backwards: bool, left_out: float = LEFT_OUT
 ) -> tuple[Floats, float]:
-    """Means (T, N) of `values` (N,), between 0 and 1, at rising times, tu, from every state; their relative error.
+    """Vectors (T, N) at rising times, tu, from one (N,) between 0 and 1, and their relative error.
 
+    is_backwards : the mean of a function at that time from every state; else the probability of every state
     left_out : of the Poisson probability of more steps, which is beyond that error, as are numbers below 1e-300
 
     ValueError: too many steps
     """
-    return uniformised(transitions, values, times, left_out, is_backwards=True)
-
-
-def uniformised(
-    transitions: Transitions, vector: Floats, times: Sequence[float], left_out: float, is_backwards: bool
-) -> tuple[Floats, float]:
-    """Vectors (T, N) at rising times, tu, from one (N,): the means of a function from every state, by steps backwards,
-    or the probabilities of the states. Their relative error, but for `left_out` as in `expected_from_all`."""
     last = times[-1]
     steps = steps_until(transitions, last)
     if steps > MAX_STEPS:
