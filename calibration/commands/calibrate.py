@@ -45,6 +45,7 @@ MODES_OF = {
     "report": ("channels", *DATA),
     "crowding": ("channels",),
     "observed": COUNTED,
+    "initial": COUNTED,
     **dict.fromkeys(FITTED, DATA),
 }
 # Options that mean something where no runs are made
@@ -183,7 +184,7 @@ def calibrate(words: tuple[str, ...], out: str, report: str | None, as_json: boo
 
 def refuse_for(mode: str) -> None:
     """ValueError where an option was given that means nothing in this mode."""
-    known = (OF_DATA | {"observed"}) if mode in COUNTED else OF_EVENTS
+    known = (OF_DATA | {"observed", "initial"}) if mode in COUNTED else OF_EVENTS
     known |= OF_FIT if mode in DATA and is_fit(mode, given_options()) else {"breaks"}
     for name, option in given_options().items():
         modes = MODES_OF.get(name, (*MODES, *DATA))

@@ -19,7 +19,7 @@ from calibration.observed.kinds.base import DataKind
 from calibration.reporting.fitted import fitted_report
 from kinetics.commands.models import is_network_file, network_of_book
 from kinetics.formats import read
-from kinetics.markov.panels.observations import OBSERVATIONS, Observation
+from kinetics.markov.panels.observations import OBSERVATIONS, Censored, Observation
 from kinetics.network import Model, Tank
 from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.failures import INTERRUPTED
@@ -29,6 +29,7 @@ from kinetics.support.families import member_named
 KINDS = {kind.name: kind for kind in DATA_KINDS}
 COUNTED = tuple(name for name, kind in KINDS.items() if kind.is_counted)
 FITTED = ("free", "fixed", "priors", "bounds", "own", "against", "posterior", "starts")  # options of a fit
+NAMED = tuple(each for each in OBSERVATIONS if each is not Censored)  # which a table states, cell by cell
 BEGIN = 1e-3  # 1/tu, a rate constant of a rule book where the search begins
 Option = TypeVar("Option", bound=Callable[..., Any])
 
@@ -115,6 +116,12 @@ OPTIONS = (
         "probability), rounded:5 (half the width), gaussian:2 (standard deviation).  [default: exact]",
     ),
     click.option(
+        "--initial",
+        metavar="FILE",
+        type=click.Path(exists=True, dir_okay=False),
+        help="For counts, a table of the states in which a run may start: a column for each species, and probability.",
+    ),
+    click.option(
         "--tank", metavar="X Y Z", type=float, nargs=3, help="Edge lengths of the tank in which events were observed."
     ),
     click.option(
@@ -142,7 +149,7 @@ def fit_data(kind: str, source: str, out: str, report: str | None, as_json: bool
     table, observations = how[kind], dict(_observed(each) for each in how["observed"])
     model, single = _model(source)
     cubes, tank = how["cubes"][0] if how["cubes_given"] else None, how["tank"] and Tank(how["tank"])
-    reader = KINDS[kind].told(runs=how["run_table"], cubes=cubes, single=single, tank=tank)
+    reader = KINDS[kind].told(runs=how["run_table"], cubes=cubes, single=single, tank=tank, initial=how["initial"])
     likelihood = reader.read(model, table, observations, how["own"])
     free = likelihood.each(how["free"]) or None
     search = {
@@ -213,7 +220,7 @@ def _observed(text: str) -> tuple[str, Observation]:
     kind, _, number = said.partition(":")
     if not name:
         raise ValueError(f"--observe {text}: expected COLUMN=MODEL:NUMBER, such as --observe A=detected:0.7")
-    model: Any = member_named(kind, OBSERVATIONS, "observation model")
+    model: Any = member_named(kind, NAMED, "observation model")
     if (number == "") is not (len(fields(model)) == 0):
         raise ValueError(f"--observe {text}: {kind} takes {'a number, as in detected:0.7' if not number else 'none'}")
     try:

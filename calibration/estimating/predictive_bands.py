@@ -10,11 +10,11 @@ import numpy as np
 
 from calibration.estimating.model_fit import ModelFit
 from kinetics.markov.panels import EventLikelihood, Likelihood, PanelLikelihood, PanelRun
-from kinetics.network import Model
+from kinetics.network import Model, Network
 from kinetics.rates.fitted import ParameterPosterior, PosteriorDraws
 from kinetics.sampling import Auto, simulate_posterior
 from kinetics.support import plots
-from kinetics.support.arrays import Floats, whole_number
+from kinetics.support.arrays import Floats, Ints, whole_number
 from kinetics.support.shown import on_axes
 
 DRAWS, RUNS = 200, 5  # of the parameters, and simulated runs under each
@@ -134,7 +134,7 @@ def _of_part(
     posterior = None
     if table is not None and table[0]:
         posterior = ParameterPosterior(network, tuple(table[0]), table[1])
-    alike = len({(run.initial.tobytes(), run.start) for run in runs}) == 1
+    alike = len({(run.initial.tobytes(), run.chances.tobytes(), run.start) for run in runs}) == 1
     shown: Sequence[tuple[str, list[PanelRun]]] = (
         [("", runs)] if alike else [(f"run {k + 1}", [run]) for k, run in enumerate(runs[:MOST_RUNS])]
     )
@@ -150,10 +150,7 @@ def _of_part(
             variants = posterior.variants(posterior.draw(rng, DRAWS))
         elif network.laws:
             variants = [network] * DRAWS
-        made = simulate_posterior(
-            Model.of(network, group[0].initial), variants, grid, RUNS, int(rng.integers(2**63)), method=Auto()
-        )
-        counted = np.concatenate(list(made)) @ weights.T
+        counted = _simulated(network, group[0], variants, grid, rng) @ weights.T
         for c, observation in enumerate(observations):
             if observation is not None:
                 counted[..., c] = observation.drawn(counted[..., c], np.nan, rng)
@@ -172,6 +169,25 @@ def _of_part(
             )
         )
     return bands
+
+
+def _simulated(network: Network, like: PanelRun, variants: Any, grid: Floats, rng: np.random.Generator) -> Ints:
+    """Counts (DRAWS * RUNS, T, S) of runs that start as one that was observed, those of a draw side by side."""
+    starts = rng.choice(len(like.initial), (DRAWS, RUNS), p=like.chances)
+    made = np.empty((DRAWS, RUNS, grid.size, len(network.species)), dtype=np.int64)
+    for start in np.unique(starts).tolist():
+        model = Model.of(network, like.initial[start])
+        for runs in np.unique((starts == start).sum(axis=1)).tolist():
+            mine = np.flatnonzero((starts == start).sum(axis=1) == runs)
+            if not runs:
+                continue
+            chosen = [variants[d] for d in mine.tolist()]
+            drawn = simulate_posterior(
+                model, chosen if network.laws else np.array(chosen), grid, runs, int(rng.integers(2**63)), method=Auto()
+            )
+            for d, counts in zip(mine.tolist(), drawn, strict=True):
+                made[d, starts[d] == start] = counts
+    return made.reshape(-1, *made.shape[2:])
 
 
 def _means(group: Sequence[PanelRun]) -> tuple[Floats, Floats, Floats] | None:

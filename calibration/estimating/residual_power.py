@@ -115,7 +115,8 @@ def _like(
     runs = []
     for run in data.runs:
         factor = _factor(kind, rng)
-        states = _states(network, run.initial, run.times - run.start, kind, factor, rng)
+        start = run.initial[rng.choice(len(run.initial), p=run.chances)]
+        states = _states(network, start, run.times - run.start, kind, factor, rng)
         counted, seen = states @ weights.T, run.seen.copy()
         for c, observation in enumerate(data.observations.values()):
             drawn = [

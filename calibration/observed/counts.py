@@ -13,13 +13,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.observed.intervals import with_intervals
+from calibration.observed.starts import StartDistribution, read_starts
 from calibration.observed.tables import Table, near, read_table
 from calibration.observed.time_units import timed
 from kinetics.markov.panels import PanelData, PanelRun
-from kinetics.markov.panels.observations import Exact, Observation
+from kinetics.markov.panels.observations import Censored, Exact, Observation
 from kinetics.network import Model, Network
 from kinetics.runs.event_tables import BETWEEN
-from kinetics.support.arrays import Floats, Ints
+from kinetics.support.arrays import Floats
 
 WORDS = ("run", "time", "event")
 LONG = ("time", "species", "count")  # titles of a table with one number in each row
@@ -27,38 +29,41 @@ Rows = NDArray[np.intp]
 
 
 def read_counts(
-    model: Model | Network, path: str | Path | Table, observations: Mapping[str, Observation] | None = None
+    model: Model | Network,
+    path: str | Path | Table,
+    observations: Mapping[str, Observation] | None = None,
+    initial: str | Path | Table | None = None,
 ) -> PanelData:
     """Counts of species or observables at times; each run starts from its first row, on which all else is conditional.
 
     path : table (CSV or Parquet) with the columns `time`, one for each species or observable that was counted (an
         empty cell was not looked at), `run` if there are several, and `event` where the times of some events are
         exact: a channel, or several that cannot be told apart, between semicolons. Or a long one, with the columns
-        `time`, `species` and `count`
+        `time`, `species` and `count`. A cell may be an interval: `3..5`, `>=10`, `<=2`
     observations : column -> how its numbers come from true counts; exact for those not named
+    initial : table of the states in which a run may start, `read_starts`; the first row is then a look like the others
 
     What no column of the first row states starts as in the model. Where a column is not exact, or counts several
     species, the whole start is that of the model, and the first row is a look like the others.
 
     ValueError: a table that cannot be read, an unknown column, or a row that cannot be
     """
-    return _CountsReader(
-        Model.of(model), _wide(timed(read_table(path), Model.of(model).network.time_unit)), dict(observations or {})
-    ).panels()
+    return _CountsReader.of(Model.of(model), path, observations or {}, initial).panels()
 
 
 def read_snapshots(
-    model: Model | Network, path: str | Path | Table, observations: Mapping[str, Observation] | None = None
+    model: Model | Network,
+    path: str | Path | Table,
+    observations: Mapping[str, Observation] | None = None,
+    initial: str | Path | Table | None = None,
 ) -> PanelData:
     """Counts of independent copies, each seen once: one a row, which starts from the model's counts at time 0.
 
-    path, observations : as for `read_counts`, without `run` and `event`
+    path, observations, initial : as for `read_counts`, without `run` and `event`
 
     ValueError: as of `read_counts`
     """
-    return _CountsReader(
-        Model.of(model), _wide(timed(read_table(path), Model.of(model).network.time_unit)), dict(observations or {})
-    ).snapshots()
+    return _CountsReader.of(Model.of(model), path, observations or {}, initial).snapshots()
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +73,21 @@ class _CountsReader:
     model: Model
     table: Table
     observations: dict[str, Observation]
+    starts: StartDistribution | None
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        path: str | Path | Table,
+        observations: Mapping[str, Observation],
+        initial: str | Path | Table | None,
+    ) -> _CountsReader:
+        """A table in the time unit of the model, with a column for each species."""
+        table = _wide(timed(read_table(path), model.network.time_unit))
+        counted = [title for title in table.columns if title not in WORDS]
+        starts = None if initial is None else read_starts(model, initial)
+        return cls(model, *with_intervals(table, counted, observations), starts)
 
     def __post_init__(self) -> None:
         self.table.require("time")
@@ -103,7 +123,7 @@ class _CountsReader:
         for name in dict.fromkeys(names.tolist()):
             rows = np.flatnonzero(names == name)
             times, seen = self.table.numbers("time", rows), self.numbers(rows)
-            initial, is_start = self.start(int(rows[0]), seen[0])
+            starts, is_start = self.start(int(rows[0]), seen[0])
             if is_start and rows.size == 1:
                 continue  # a start after which nothing was seen says nothing
             if is_start and times[1] == times[0]:
@@ -114,7 +134,8 @@ class _CountsReader:
                 )
             kept = slice(1, None) if is_start else slice(None)
             where = [self.table.where(row) for row in rows[kept].tolist()]
-            runs.append(PanelRun(initial, times[kept], seen[kept], float(times[0]), fired[rows][kept], where))
+            looks = times[kept], seen[kept], float(times[0]), fired[rows][kept]
+            runs.append(PanelRun(starts.states, *looks, where, starts.chances))
         if not runs:
             raise ValueError(f"{self.table.name}: every run has one row, its start, and nothing is seen after it")
         return PanelData(self.columns, runs, self.observations, list(events))
@@ -128,23 +149,25 @@ class _CountsReader:
         times, seen = self.table.numbers("time", rows), self.numbers(rows)
         if (times < 0).any():
             raise ValueError(f"{self.table.where(int((times < 0).argmax()))}: a snapshot before time 0, the start")
-        initial = self.model.initial
-        runs = [PanelRun(initial, times[[i]], seen[[i]], where=[self.table.where(i)]) for i in rows.tolist()]
+        starts = self.starts or StartDistribution.certain(self.model.initial)
+        runs = [
+            PanelRun(starts.states, times[[i]], seen[[i]], where=[self.table.where(i)], chances=starts.chances)
+            for i in rows.tolist()
+        ]
         return PanelData(self.columns, runs, self.observations)
 
     def numbers(self, rows: Rows) -> Floats:
         """What each column says (n, C); nan for an empty cell."""
         return np.column_stack([self.table.numbers(title, rows, may_be_empty=True) for title in self.titles])
 
-    def start(self, row: int, seen: Floats) -> tuple[Ints, bool]:
-        """Counts (S,) at the first row of a run, and whether that row states them."""
+    def start(self, row: int, seen: Floats) -> tuple[StartDistribution, bool]:
+        """In which states a run may start, and whether its first row states it."""
+        if self.starts is not None:
+            return self.starts, False
         initial = np.array(self.model.initial)
-        known = zip(self.titles, seen.tolist(), strict=True)
-        if any(
-            title in self.model.observables or not isinstance(self.observations.get(title, Exact()), Exact)
-            for title in self.titles
-        ):
-            return initial, False
+        known = list(zip(self.titles, seen.tolist(), strict=True))
+        if any(title in self.model.observables or self.is_doubtful(title, value) for title, value in known):
+            return StartDistribution.certain(initial), False
         for title, value in known:
             if np.isnan(value):
                 continue
@@ -153,7 +176,14 @@ class _CountsReader:
                     f"{self.table.where(row)}: {value:g} copies of {title}; expected a whole number, 0 or more"
                 )
             initial[self.model.network.index(title)] = int(value)
-        return initial, True
+        return StartDistribution.certain(initial), True
+
+    def is_doubtful(self, title: str, value: float) -> bool:
+        """Whether a number in a column may have come from more than one count."""
+        observation = self.observations.get(title, Exact())
+        if isinstance(observation, Censored):
+            return value in observation.intervals
+        return not isinstance(observation, Exact)
 
     def event(self, row: int, events: dict[tuple[str, ...], int]) -> int:
         """The place among `events` of the one in a row, which it joins; -1 if there is none."""

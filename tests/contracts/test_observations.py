@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kinetics.markov.panels.observations import OBSERVATIONS, Detected, Exact, Gaussian, Rounded
+from kinetics.markov.panels.observations import OBSERVATIONS, Censored, Detected, Exact, Gaussian, Rounded
 
 MEMBERS = [
     Exact(),
@@ -12,6 +12,8 @@ MEMBERS = [
     Detected(1.0),
     Rounded(0.0),
     Rounded(5.0),
+    Censored(),
+    Censored({3.5: (2, 6), 40.5: (40, np.inf)}),
     Gaussian(0.7),
     Gaussian(4.0),
 ]
@@ -34,6 +36,15 @@ def test_weights_are_a_law_of_what_is_seen(member):
     else:
         width = 0.05 if isinstance(member, Gaussian) else 1.0
         np.testing.assert_allclose(table.sum(axis=0) * width, 1.0, rtol=1e-9)
+
+
+def test_a_number_may_stand_for_an_interval():
+    some = Censored({3.5: (2, 6), 40.5: (40, np.inf)})
+    assert (some.weights(COUNTS, 3.5) == ((COUNTS >= 2) & (COUNTS <= 6))).all()
+    assert (some.weights(COUNTS, 40.5) == (COUNTS >= 40)).all()
+    rng = np.random.default_rng(1)
+    assert some.drawn(np.array([1.0, 2.0, 6.0, 7.0]), 3.5, rng).tolist() == [1.0, 3.5, 3.5, 7.0]
+    assert some.drawn(np.array([1.0, 2.0]), np.nan, rng).tolist() == [1.0, 2.0]
 
 
 @pytest.mark.parametrize("member", MEMBERS, ids=repr)
@@ -79,6 +90,8 @@ def test_what_has_no_parameter_says_so(member):
         (lambda: Exact().support(-1.0), "-1 is no count"),
         (lambda: Detected(0.5).support(0.5), "0.5 is no number of copies seen"),
         (lambda: Rounded(5.0).support(-9.0), "holds no count"),
+        (lambda: Censored({9.0: (1, 2)}), "9 stands for counts from 1 to 2; expected it to lie between"),
+        (lambda: Censored({2.5: (1, 4)}).support(3.5), "3.5 is neither a count nor stands for an interval"),
     ],
 )
 def test_bad_numbers_are_refused(made, said):

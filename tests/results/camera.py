@@ -124,17 +124,18 @@ def verdict() -> str:
 
 def intervals() -> str:
     """A row an interval."""
-    curve, facts, seen = stored("information.csv"), stored("facts.json"), widths()
+    curve, facts, seen, package = stored("information.csv"), stored("facts.json"), widths(), stored("package.json")
     rows = []
     for every in EVERY:
         fact, ratio = facts[str(every)], seen[seen["every"] == every]["ratio"]
+        minutes = fact["evaluations"] * package[str(every)]["cpu_seconds"] / 60
         (row,) = curve[(curve["every"] == every) & (curve["channel"] == "all")].to_dict("records")
         rows.append(
             [
                 f"{every}", f"{fact['frames']:,}", f"{row['events_per_frame']:.2f}",
                 f"{row['kept']:.3f} [{row['low']:.3f}, {row['high']:.3f}]", f"{ratio.median():.2f}",
                 _ratio(ratio.max()), f"{fact['chi_square']:.1f} of {fact['freedom']}", f"{fact['p']:.2g}",
-                f"{fact['cpu_seconds']:.0f}", f"{fact['evaluations']}", f"{fact['panel_forecast_seconds'] / 60:.0f}",
+                f"{fact['cpu_seconds']:.0f}", f"{fact['evaluations']}", f"{minutes:.0f}",
             ]
         )  # fmt: skip
     titles = [

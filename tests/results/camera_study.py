@@ -42,8 +42,6 @@ CUBES = 60
 EVERY = (1, 10, 50, 200)  # tu, of the fits
 CURVE = (1, 2, 5, 10, 20, 50, 100, 200, 250, 500)  # tu, of the information alone
 RESAMPLED, SEED = 2000, 1  # bootstrap of whole runs
-COMPARED = (50, 200)  # tu, of frames whose likelihood the package computes too, all of it
-TIMED = 20  # pairs of frames on which the package's likelihood is timed
 
 
 def network() -> Network:
@@ -82,21 +80,6 @@ def fit_frames(every: float) -> tuple[FrameLikelihood, ParameterFit, float]:
     asked = FrameLikelihood(network(), every, frames_of(stored_runs(), every)[0])
     found = fit_parameters(asked.scored, network().channels, network().known_rates, starts=1)
     return asked, found, time.process_time() - began
-
-
-def seconds_per_pair(every: float, rates: Floats) -> float:
-    """CPU time that `PanelLikelihood` takes for the likelihood of a pair of frames and its gradient, s."""
-    model = Model.of(network().with_rates(rates))
-    different = np.unique(frames_of(stored_runs(), every)[0], axis=0)
-    chosen = different[np.random.default_rng(SEED).permutation(len(different))[:TIMED]]
-    data = PanelData(
-        {name: {name: 1.0} for name in model.network.species}, [PanelRun(i, [every], [j]) for i, j in chosen]
-    )
-    asked = PanelLikelihood(model, data)
-    asked.scored({}, model.network.channels)  # finds the states
-    began = time.process_time()
-    asked.scored({}, model.network.channels)
-    return (time.process_time() - began) / len(chosen)
 
 
 def information(every: float, rates: Floats) -> tuple[Floats, Floats]:
@@ -153,12 +136,10 @@ def fitted(every: float, rates: Floats) -> tuple[list[dict[str, Any]], dict[str,
          "expected_sd": np.sqrt(spread[p, p]), "z": off[p] / np.sqrt(spread[p, p])}
         for p, name in enumerate(found.names)
     ]  # fmt: skip
-    pair = seconds_per_pair(every, rates)
     facts = {
         "window": every * int(stored_runs()[0].end / every), "frames": int(asked.copies.sum()),
         "pairs": asked.copies.size, "begins": len(asked.begins), "states": asked.states,
         "log_likelihood": found.log_likelihood, "evaluations": found.evaluations, "cpu_seconds": seconds,
-        "panel_seconds_per_pair": pair, "panel_forecast_seconds": pair * asked.copies.size * found.evaluations,
         "chi_square": chi_square, "freedom": len(off), "p": float(stats.chi2.sf(chi_square, len(off))),
         "notes": list(found.notes),
     }  # fmt: skip
@@ -168,9 +149,12 @@ def fitted(every: float, rates: Floats) -> tuple[list[dict[str, Any]], dict[str,
 def by_package(every: float, rates: Floats) -> dict[str, float]:
     """`PanelLikelihood` of all frames at these rates, as `calibrate --counts` maximises it: value, how many standard
     errors a Newton step would still go, and CPU time of value and gradient once the states are known, s."""
-    network_at, pairs = network().with_rates(rates), frames_of(stored_runs(), every)[0]
-    columns = {name: {name: 1.0} for name in network_at.species}
-    asked = PanelLikelihood(Model.of(network_at), PanelData(columns, [PanelRun(i, [every], [j]) for i, j in pairs]))
+    network_at = network().with_rates(rates)
+    columns, runs = {name: {name: 1.0} for name in network_at.species}, []
+    for path in stored_runs():
+        times = every * np.arange(1, int(path.end / every) + 1)
+        runs.append(PanelRun(path.initial, times, path.at(times)))
+    asked = PanelLikelihood(Model.of(network_at), PanelData(columns, runs))
     asked.scored({}, network_at.channels)  # finds the states
     began = time.process_time()
     found = asked.scored({}, network_at.channels)
@@ -200,7 +184,7 @@ def main() -> None:
         write_whole(curve, table.to_csv(index=False, float_format="%.6g"))
     if not package.exists():
         table = pd.read_csv(estimates)
-        checked = {every: by_package(every, table[table["every"] == every]["rate"].to_numpy()) for every in COMPARED}
+        checked = {every: by_package(every, table[table["every"] == every]["rate"].to_numpy()) for every in EVERY}
         write_whole(package, json.dumps(checked, indent=1) + "\n")
 
 

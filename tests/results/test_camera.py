@@ -135,7 +135,7 @@ def test_a_simulated_data_set_is_found_again():
 
 
 def test_the_package_finds_no_larger_likelihood():
-    """All frames every 50 and 200 tu, by the likelihood behind `calibrate --counts`."""
+    """All frames, by the likelihood behind `calibrate --counts`."""
     facts = stored("facts.json")
     for every, found in stored("package.json").items():
         assert found["log_likelihood"] == pytest.approx(facts[every]["log_likelihood"], abs=1e-5)

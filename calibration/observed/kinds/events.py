@@ -41,8 +41,8 @@ class Events(DataKind):
     tank: Tank | None = None
 
     @classmethod
-    def told(cls, **known: Any) -> Self:
-        """The kind with these fields."""
+    def told(cls, *, initial: str | Path | None = None, **known: Any) -> Self:  # noqa: ARG003
+        """The kind with these fields; a start belongs to counts."""
         return cls(**known)
 
     def of_table(self, model: Model, table: Table, observations: Mapping[str, Observation]) -> EventLikelihood:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from pathlib import Path
+from typing import Any, ClassVar, Self
 
 from calibration.observed.counts import read_snapshots
 from calibration.observed.kinds.base import DataKind
@@ -17,6 +18,8 @@ from kinetics.network import Model
 @dataclass(frozen=True)
 class Snapshots(DataKind):
     """Independent copies that started as the model says and were counted once each; `read_snapshots`.
+
+    initial : table of the states in which a copy may start; None: the counts of the model
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
@@ -31,6 +34,13 @@ class Snapshots(DataKind):
     name: ClassVar[str] = "snapshots"
     summary: ClassVar[str] = "Table of independent copies, each counted once: time since the start, and counts."
 
+    initial: str | Path | Any = None
+
+    @classmethod
+    def told(cls, *, initial: str | Path | None = None, **_: Any) -> Self:
+        """The kind with a table of starts."""
+        return cls(initial)
+
     def of_table(self, model: Model, table: Table, observations: Mapping[str, Observation]) -> PanelLikelihood:
         """The likelihood of the copies in a table."""
-        return PanelLikelihood(model, read_snapshots(model, table, observations))
+        return PanelLikelihood(model, read_snapshots(model, table, observations, self.initial))

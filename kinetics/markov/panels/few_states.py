@@ -35,7 +35,8 @@ class FewStates:
     """All that does not depend on the rates: states, looks and lengths.
 
     space : all states that can be reached from any start
-    starts : (R,) place of each run's initial state; runs are in the order of falling numbers of looks
+    order : (R,) runs by falling numbers of looks, as they stand in all that follows
+    starts : (R, N) probabilities of the states in which each begins
     alive : (L,) how many runs have a look of each number
     lengths : (D,) tu, all different; which (L, R) of them precedes each look
     fired : (L, R) event that happens just before the look, -1 for none
@@ -44,7 +45,7 @@ class FewStates:
 
     space: StateSpace
     order: Ints
-    starts: Ints
+    starts: Floats
     alive: Ints
     lengths: Floats
     which: Ints
@@ -54,7 +55,7 @@ class FewStates:
     @classmethod
     def of(cls, network: Network, data: PanelData) -> FewStates | None:
         """None if more than 64 states can be reached."""
-        initial = np.array([run.initial for run in data.runs])
+        initial = np.concatenate([run.initial for run in data.runs])
         search = Search(network, np.unique(initial, axis=0), MOST_STATES)
         try:
             search.go_on(0)
@@ -69,11 +70,14 @@ class FewStates:
         seen = np.full((*shape, len(data.columns)), np.nan)
         for place, r in enumerate(order):
             run, n = data.runs[r], n_looks[r]
-            lengths[:n, place] = np.diff(run.times, prepend=run.start)
+            lengths[:n, place] = run.lengths
             fired[:n, place], seen[:n, place] = run.fired, run.seen
         each, which = np.unique(lengths, return_inverse=True)
         alive = (n_looks[None, :] > np.arange(most)[:, None]).sum(axis=1)
-        return cls(space, order, space.index_of(initial[order]), alive, each, which.reshape(shape), fired, seen)
+        starts = np.zeros((len(order), len(space)))
+        for place, r in enumerate(order):
+            starts[place, space.index_of(data.runs[r].initial)] = data.runs[r].chances
+        return cls(space, order, starts, alive, each, which.reshape(shape), fired, seen)
 
     @cached_property
     def numbers(self) -> list[list[tuple[Floats, Ints]]]:
@@ -221,8 +225,7 @@ class FewPass:
     def _filtered(self) -> tuple[list[Floats], list[Floats], float, float]:
         """Probabilities (R, N) before each look, those of what was seen, the log-likelihood and its error."""
         few, rates = self._few, self._events(self._network)
-        now = np.zeros((len(few.starts), self.n))
-        now[np.arange(len(few.starts)), few.starts] = 1.0
+        now = few.starts
         before, seen, known, total, error = [], [], [], 0.0, 0.0
         for look, alive in enumerate(few.alive):
             now = now[:alive]

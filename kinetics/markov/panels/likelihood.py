@@ -1,14 +1,8 @@
 """The likelihood of counts seen at some times, with bounds, and its gradient by all parameters.
 
-The bounds are proven where counts are exact or rounded and the state is known often enough (`amplified`).
-
-With a the probabilities of the states after one look, the next look has the probability a E D 1: E is the transition
-matrix of the time between them, by uniformisation, and D has the probability of what is seen in each state on its
-diagonal. a E D, scaled to sum to 1, are the probabilities after it: the forward filter of a hidden Markov chain (Baum
-et al. 1970, doi:10.1214/aoms/1177697196). All numbers are positive, so that relative errors add up.
-
-The derivative of a E D b, with b what all later looks have as their probability from each state, is that of one mean
-at a time, whose adjoint gives it by all rates at once: see `markov.derivatives`.
+The bounds are proven where counts are exact or rounded and the state is known often enough (`amplified`). How it is
+found depends on the states: few are gone over for all runs side by side; looks that begin alike, together; else each
+part of a run alone, over all states or over the likely ones.
 """
 
 from __future__ import annotations
@@ -16,24 +10,23 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from math import expm1, inf, log
+from math import expm1, inf
 from typing import Any
 
 import numpy as np
 
-from kinetics.markov.derivatives import adjoint_at
 from kinetics.markov.panels.base import Likelihood, Observed, Scored
-from kinetics.markov.panels.bridges import KnownSteps, Narrowing, StepSource, missed
-from kinetics.markov.panels.carrying import Carried
+from kinetics.markov.panels.bridges import KnownSteps, Narrowing
 from kinetics.markov.panels.data import PanelData, PanelRun
+from kinetics.markov.panels.fans import Cut, FanPass, FanStep
 from kinetics.markov.panels.few_states import FewPass, FewStates
 from kinetics.markov.panels.moving_windows import StepFinder
-from kinetics.markov.panels.panel_step import PanelStep, amplified
+from kinetics.markov.panels.panel_step import PanelStep
+from kinetics.markov.panels.run_pass import RunPass
 from kinetics.markov.panels.slopes import Slopes
-from kinetics.markov.passage.backward import LOST
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.search import MAX_STATES
+from kinetics.markov.transient.transitions import Transitions
 from kinetics.network import Model, Network
 from kinetics.network.network import check_homogeneous
 from kinetics.support.answer import Answer, kind_of
@@ -107,7 +100,7 @@ class PanelLikelihood(Likelihood):
     @property
     def size(self) -> dict[str, Any]:
         """Numbers of runs and looks, and the observation model of each column."""
-        models = {name: {"model": each.name, **vars(each)} for name, each in self.data.observations.items()}
+        models = {name: {"model": each.name, **each.told} for name, each in self.data.observations.items()}
         return {"runs": len(self.data.runs), "looks": self.data.looks, "observed": models}
 
     @property
@@ -124,167 +117,107 @@ class PanelLikelihood(Likelihood):
         """Of each run, before each of its looks: the states (n, S) possible just after the last one, and their
         probabilities (n,) given all that was seen until then."""
         network, data = self.network_at(point or {}), self.data_at(point or {})
-        structure, nothing = self._structure(network), self._slopes(network, point or {}, ())
+        structure, nothing = self._structure(network, data), self._slopes(network, point or {}, ())
         if structure.few is not None:
             together = FewPass(structure.few, network, data, nothing)
             if together.fits():
                 return together.filtered
-        return [self._pass(structure.steps, r, network, data, nothing).filtered for r in range(len(data.runs))]
+        cut = structure.cut
+        found: list[list[tuple[Ints, Floats]]] = []
+        for parts in cut.of_runs:
+            found.append([])
+            for fan, place in parts:
+                run = cut.fans[fan].runs[place]
+                if run.times.size == 1:
+                    found[-1].append((run.initial, run.chances))
+                else:
+                    found[-1] += self._pass(structure.steps, (fan, place), run, network, data, nothing).filtered
+        return found
 
-    def _passes(self, network: Network, data: PanelData, slopes: Slopes) -> Iterator[tuple[_Pass | FewPass, int]]:
-        """One pass over all runs where states are few, else one for all runs that are alike, and how many these are."""
-        structure = self._structure(network)
+    def _passes(
+        self, network: Network, data: PanelData, slopes: Slopes
+    ) -> Iterator[tuple[RunPass | FewPass | FanPass, int]]:
+        """One pass over all runs where states are few; else one for each fan, or part of a run, and how many parts are
+        like it."""
+        structure = self._structure(network, data)
         if structure.few is not None:
             together = FewPass(structure.few, network, data, slopes)
             if together.fits():
                 yield together, 1
                 return
-        for r, copies in self._alike.items():
-            yield self._pass(structure.steps, r, network, data, slopes), copies
+        for place, fan in enumerate(structure.cut.fans):
+            at = structure.fan_step(place, network, data)
+            if at is not None:
+                yield FanPass(at, structure.chain(at, network), network, data, slopes), 1
+                continue
+            for member, (run, copies) in enumerate(zip(fan.runs, fan.copies, strict=True)):
+                yield self._pass(structure.steps, (place, member), run, network, data, slopes), copies
 
     def _pass(
-        self, known: dict[int, list[PanelStep]], r: int, network: Network, data: PanelData, slopes: Slopes
-    ) -> _Pass:
-        """One pass over a run: with proven bounds, or for a gradient over the bridges, which are found first."""
-        run, steps, narrows = data.runs[r], known.get(r), bool(slopes.size)
+        self,
+        known: dict[tuple[int, int], list[PanelStep]],
+        place: tuple[int, int],
+        run: PanelRun,
+        network: Network,
+        data: PanelData,
+        slopes: Slopes,
+    ) -> RunPass:
+        """One pass over a part: with proven bounds, or for a gradient over the bridges, which are found first."""
+        steps, narrows = known.get(place), bool(slopes.size)
         if steps is not None and (narrows or not any(step.is_projected for step in steps)):
-            passed = _Pass(KnownSteps(steps, network), network, data, run, keeps=narrows)
+            passed = RunPass(KnownSteps(steps, network), network, data, run, keeps=narrows)
             if not narrows or passed.score(slopes) < MOST_MISSED or passed.least < UNLIKELY:
                 return passed
         bridges = Narrowing(StepFinder(network, data, run, self.max_states), network, data, run, narrows)
-        passed = _Pass(bridges, network, data, run, keeps=False)
+        passed = RunPass(bridges, network, data, run)
         if bridges.is_whole:
-            known[r] = bridges.steps
+            known[place] = bridges.steps
         if narrows:
-            passed = _Pass(KnownSteps(bridges.steps, network), network, data, run, keeps=True)
+            passed = RunPass(KnownSteps(bridges.steps, network), network, data, run, keeps=True)
             passed.score(slopes)
         return passed
 
-    @cached_property
-    def _alike(self) -> dict[int, int]:
-        """The first of all runs that are alike, such as snapshots, and their number."""
-        first: dict[tuple[bytes | float, ...], int] = {}
-        found: dict[int, int] = {}
-        for r, run in enumerate(self.data.runs):
-            arrays = (run.initial, run.times, run.seen, run.fired)
-            place = first.setdefault((run.start, *(np.asarray(each).tobytes() for each in arrays)), r)
-            found[place] = found.get(place, 0) + 1
-        return found
+    def _structure(self, network: Network, data: PanelData) -> _Structure:
+        """What does not depend on the rates but for which of them are 0; of rate laws, on no change of a parameter.
 
-    def _structure(self, network: Network) -> _Structure:
-        """What does not depend on the rates but for which of them are 0; of rate laws, on no change of a parameter."""
+        Nor on how columns are observed, but for which of their parameters are as large as can be: what is detected with
+        certainty leaves no other counts.
+        """
         happens = (network.known_rates > 0).astype(float).tolist()
-        key = (*happens, *(network.parameters.values() if network.laws else ()))
+        certain = [float(each.parameter == each.most) for each in data.observations.values()]
+        key = (*happens, *certain, *(network.parameters.values() if network.laws else ()))
         if key not in self._known:
             self._known.clear()
-            self._known[key] = _Structure(network, self.data)
+            self._known[key] = _Structure(network, data)
         return self._known[key]
 
 
 class _Structure:
-    """All states, where they are few; else the steps of each run, by its place among all, once they were found."""
+    """All states, where they are few; else the parts of the runs, and what was found of each, by its place."""
 
     def __init__(self, network: Network, data: PanelData) -> None:
         check_homogeneous(network)
         self.few = FewStates.of(network, data)
-        self.steps: dict[int, list[PanelStep]] = {}
+        self.cut = Cut.of(network, data)
+        self.steps: dict[tuple[int, int], list[PanelStep]] = {}
+        self._fans: dict[int, FanStep | None] = {}
+        self._over: dict[bytes, PanelStep] = {}
+        self._chain: tuple[Network | None, dict[int, Transitions]] = (None, {})
 
+    def fan_step(self, place: int, network: Network, data: PanelData) -> FanStep | None:
+        """The step of a fan; None if its parts are gone over one by one."""
+        if place not in self._fans:
+            self._fans[place] = FanStep.of(network, data, self.cut.fans[place], self._over)
+        return self._fans[place]
 
-class _Pass:
-    """The filter over one run, forwards; it keeps what a gradient needs, or not."""
-
-    def __init__(self, steps: StepSource, network: Network, data: PanelData, run: PanelRun, keeps: bool) -> None:
-        self._network, self._data, self._run = network, data, run
-        self._carried: list[Carried] = []
-        self.log_likelihood, self.least = 0.0, 1.0
-        self._rounded = 0.0
-        self.is_certified = all(each.is_certified for each in data.observations.values())
-        self.gradient = np.zeros(0)
-        self.filtered = [(run.initial[None, :], np.ones(1))]  # states possible before each look, and their chances
-        tiny, chances, is_known = [], [], []
-        now, part = np.ones(1), 1.0
-        while (found := steps.next(now)) is not None:
-            step, chain, there = found.step, found.chain, found.there
-            after = step.forwards(network, there[step.ends]) * step.chances(network, data, run)
-            probability = float(after.sum())
-            if not probability > 0.0:
-                raise ValueError(
-                    f"{run.named(step.look)}: this has a probability below 1e-300 at these rates; begin with other "
-                    f"values"
-                )
-            if keeps:
-                self._carried.append(found)
-            now = after / probability
-            self.log_likelihood += log(probability)
-            part *= probability
-            if step.look >= 0:
-                self.least, part = min(self.least, part), 1.0
-                self.filtered.append((step.seen_states, now))
-            rounded = ROUNDOFF * (after.size + chain.roundings + len(data.columns) + 8.0)
-            self._rounded += found.relative + rounded
-            most = 1.0 if step.jumps is None else max(1.0, float(step.jump_rates(network).sum()))
-            tiny.append(found.left + LOST * (1 + there.size))
-            chances.append(probability / most)
-            is_known.append(step.look >= 0 and len(step.seen_states) == 1)
-            self.is_certified &= chain.is_certified
-            self.is_certified &= step.jumps is None or not step.is_projected  # beyond, an event might be of any rate
-        self.filtered.pop()  # after the last look there is none
-        share = float(amplified(np.array(tiny), np.array(chances), np.array(is_known)))
-        self.is_certified &= share < np.inf
-        self._left = share if share < np.inf else 0.0
-
-    @property
-    def error(self) -> float:
-        """Bound on the error of the log-likelihood, or of what a bridge misses an estimate."""
-        return self._rounded + self._left
-
-    def score(self, slopes: Slopes) -> float:
-        """Find the derivatives (P,) of the log-likelihood by the logarithms of the parameters, as `gradient`.
-
-        Over bridges, return an estimate of the share of the likelihood that they miss.
-        """
-        found, lost = np.zeros(slopes.size), 0.0
-        later = np.ones(len(self._carried[-1].step.seen_states)) if self._carried else np.ones(1)
-        for carried in reversed(self._carried):
-            step = carried.step
-            seen = step.chances(self._network, self._data, self._run) * later
-            values = step.backwards(self._network, seen)
-            scale = float(values.max())
-            values /= scale
-            mean, back, by_entry = adjoint_at(carried.chain, carried.start, values, step.length)
-            found += slopes.of_rates(step.states, step.rows, step.channels) @ by_entry / mean
-            if step.is_projected:
-                lost += missed(carried, by_entry, mean)
-            before = carried.there[step.ends]
-            if step.jumps is not None:
-                there = before[step.jumps.before] * step.jump_rates(self._network)
-                there *= seen[step.jumps.after] / scale
-                rows = step.ends[step.jumps.before]
-                found += slopes.of_rates(step.states, rows, step.jumps.channels) @ there / mean
-            if step.look >= 0:
-                for p, column in slopes.columns.items():
-                    found[p] += float(self._observed(carried, column) @ later) / (scale * mean)
-            later = back[step.begins] / mean
-        self.gradient = found
-        if any(carried.step.is_projected for carried in self._carried):
-            self._left, self.is_certified = lost, False
-        return lost
-
-    def _observed(self, carried: Carried, column: int) -> Floats:
-        """How the probability (F,) of all states after a look changes with the parameter of a column, times that of
-        being there."""
-        step = carried.step
-        there = step.forwards(self._network, carried.there[step.ends])
-        observation = list(self._data.observations.values())[column]
-        seen = float(self._run.seen[step.look, column])
-        if np.isnan(seen) or observation.parameter is None:
-            return np.zeros(there.size)
-        counted = step.seen_states @ self._data.weights(self._network).T
-        others = np.ones(there.size)
-        for c, each in enumerate(self._data.observations.values()):
-            if c != column and not np.isnan(self._run.seen[step.look, c]):
-                others *= each.weights(counted[:, c], float(self._run.seen[step.look, c]))
-        return there * others * observation.slopes(counted[:, column], seen) * observation.parameter
+    def chain(self, at: FanStep, network: Network) -> Transitions:
+        """The transitions of a fan at the rates of a network, found once for all fans over the same states."""
+        if self._chain[0] is not network:
+            self._chain = (network, {})
+        chains, over = self._chain[1], id(at.step.rows)
+        if over not in chains:
+            chains[over] = at.step.chain(network)
+        return chains[over]
 
 
 def log_likelihood(model: Model | Network, data: PanelData) -> Answer:

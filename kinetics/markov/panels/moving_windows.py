@@ -18,7 +18,7 @@ import numpy as np
 
 from kinetics.markov.panels.carrying import Carried, carry
 from kinetics.markov.panels.data import PanelData, PanelRun
-from kinetics.markov.panels.panel_step import PanelStep, ends_at, length_before, reach_of, without_record
+from kinetics.markov.panels.panel_step import PanelStep, ends_at, reach_of, without_record
 from kinetics.markov.panels.reach import NEGLIGIBLE
 from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient.projection import largest
@@ -42,7 +42,7 @@ class StepFinder:
 
     def __init__(self, network: Network, data: PanelData, run: PanelRun, max_states: int) -> None:
         self._network, self._data, self._run, self._max_states = network, data, run, max_states
-        self._states, self._look, self._layers = run.initial[None, :], 0, FIRST_LAYERS
+        self._states, self._look, self._layers = run.initial, 0, FIRST_LAYERS
         self._left = 0.0  # tu, before the next look; 0 where that has not been begun
         self._chance = 1.0  # of that look until now, over likely states
 
@@ -67,7 +67,7 @@ class StepFinder:
         try:
             return self._whole(now, min(EXPLORED, self._max_states))
         except TooManyStatesError:
-            self._left = length_before(self._run, self._look)
+            self._left = float(self._run.lengths[self._look])
         try:
             return self._window(now)
         except TooManyStatesError:
@@ -87,7 +87,7 @@ class StepFinder:
         is_out = self._reach.out_of_reach(self._left)
         search = Search(self._network, self._states, self._max_states)
         _extend(search, np.ones(len(search), dtype=bool), self._layers, is_out)
-        share = 0.5 * LOST_AT_MOST / length_before(self._run, self._look)
+        share = 0.5 * LOST_AT_MOST / float(self._run.lengths[self._look])
         while True:
             # Sorted, so that those a transition apart lie close to each other in memory.
             order = np.lexsort(search.states.T[::-1])

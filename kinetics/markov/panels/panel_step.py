@@ -62,7 +62,7 @@ class PanelStep:
 
         ValueError: what was seen cannot be. TooManyStatesError: more than `most`
         """
-        length = length_before(run, look)
+        length = float(run.lengths[look])
         states, is_stopped = begins, np.ones(len(begins), dtype=bool)
         if length > 0.0:
             search = Search(network, begins, most, reach_of(network, data, run, look).out_of_reach(np.inf))
@@ -235,11 +235,6 @@ def ends_at(
     return _possible(ends, jumps, seen_states, chances_of(data, run, look, seen_states @ weights.T) > 0)
 
 
-def length_before(run: PanelRun, look: int) -> float:
-    """Time, tu, between a look and the one before it, or the start."""
-    return float(run.times[look] - (run.times[look - 1] if look else run.start))
-
-
 def _jumps(network: Network, states: Ints, fired: Ints) -> tuple[Ints, Jumps, Ints]:
     """Where the event may happen, and where it leads: ends (E,), jumps, and the states after it (F, S)."""
     rates = network.propensities(states)[:, fired] > 0
@@ -261,8 +256,8 @@ def _possible(ends: Ints, jumps: Jumps, states: Ints, kept: Mask) -> tuple[Ints,
 
 def unreachable(network: Network, data: PanelData, run: PanelRun, look: int, before: Ints) -> ValueError:
     """The error about a look that cannot be, from the states (n, S) that were possible before."""
-    numbers = zip(data.columns, run.seen[look], strict=True)
-    seen = ", ".join(f"{name} {value:g}" for name, value in numbers if not np.isnan(value)) or "this"
+    numbers = zip(data.observations.items(), run.seen[look].tolist(), strict=True)
+    seen = ", ".join(f"{name} {how.words(value)}" for (name, how), value in numbers if not np.isnan(value)) or "this"
     event = int(run.fired[look])  # type: ignore[index]
     named = f" after {' or '.join(data.events[event])}" if event >= 0 else ""
     names = ", ".join(dict.fromkeys(name for names in data.events for name in names))
@@ -274,3 +269,8 @@ def unreachable(network: Network, data: PanelData, run: PanelRun, look: int, bef
         f"{run.named(look)}: {seen}{named} cannot be reached from {' or '.join(held)}{' …' if len(before) > 3 else ''} "
         f"by the channels of the network{recorded}"
     )
+
+
+def too_unlikely(run: PanelRun, look: int) -> ValueError:
+    """The error about a look whose probability is no number."""
+    return ValueError(f"{run.named(look)}: this has a probability below 1e-300 at these rates; begin with other values")

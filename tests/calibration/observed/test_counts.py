@@ -30,7 +30,7 @@ def test_a_table_is_what_it_says(tmp_path):
     text = "run,time,S,I,event\na,0,5,1,\na,0.5,4,,infect\na,2,4,2,\nb,1,3,2,\nb,4,2,3,infect; remove\n"
     data = read_counts(epidemic(), written(tmp_path, text))
     first, second = data.runs
-    assert first.initial.tolist() == [5, 1, 0]
+    assert first.initial.tolist() == [[5, 1, 0]]
     assert (first.start, first.times.tolist(), first.fired.tolist()) == (0.0, [0.5, 2.0], [0, -1])
     np.testing.assert_array_equal(first.seen, [[4, np.nan], [4, 2]])
     assert (second.start, second.times.tolist(), second.fired.tolist()) == (1.0, [4.0], [1])
@@ -57,18 +57,90 @@ def test_parquet_is_read_too(tmp_path):
 def test_an_observable_or_a_doubtful_column_leaves_the_start_to_the_model(tmp_path):
     model = Model(epidemic().network, {"S": 9, "I": 1}, {"ill": {"I": 1, "R": 1}})
     data = read_counts(model, written(tmp_path, "time,ill\n0,1\n1,3\n"))
-    assert data.runs[0].initial.tolist() == [9, 1, 0]
+    assert data.runs[0].initial.tolist() == [[9, 1, 0]]
     assert data.runs[0].times.tolist() == [0.0, 1.0]
     assert data.columns["ill"] == {"I": 1, "R": 1}
     seen = read_counts(model, written(tmp_path, "time,I\n0,1\n1,2\n"), {"I": Detected(0.5)})
     assert seen.runs[0].times.tolist() == [0.0, 1.0]
 
 
+def test_cells_may_be_intervals(tmp_path):
+    text = "run,time,S,I\na,0,5,1\na,1,3..5,<=2\na,2,4,>=2\nb,0,<=5,1\nb,1,4,2..2\n"
+    data = read_counts(epidemic().with_counts({"S": 5, "I": 1}), written(tmp_path, text))
+    first, second = data.runs
+    assert first.times.tolist() == [1.0, 2.0]
+    assert (second.start, second.times.tolist()) == (0.0, [0.0, 1.0])  # its first row does not tell the start
+    how = data.observations
+    for number, column, limits in (
+        (first.seen[0, 0], "S", (3, 5)),
+        (first.seen[0, 1], "I", (0, 2)),
+        (first.seen[1, 1], "I", (2, np.inf)),
+        (second.seen[0, 0], "S", (0, 5)),
+        (second.seen[1, 1], "I", (2, 2)),
+        (first.seen[1, 0], "S", (4, 4)),
+    ):
+        assert how[column].support(number) == limits
+        assert limits[0] <= number <= limits[1]
+
+
+@pytest.mark.parametrize(
+    ("cell", "observed", "said"),
+    [
+        ("3..x", {}, "counts.csv, line 3: S = 3..x; expected a finite number"),
+        ("5..3", {}, "counts.csv, line 3: S = 5..3; expected whole numbers of at least 0 that rise"),
+        ("-1..3", {}, "S = -1..3; expected whole"),
+        ("1.5..3", {}, "S = 1.5..3; expected whole"),
+        (">=nan", {}, "S = >=nan; expected whole"),
+        ("1..3", {"S": Detected(0.5)}, "S = 1..3; an interval of true counts, in a column that is detected"),
+        (">=7", {}, "counts.csv, line 3: S 7 or more cannot be reached from S 5, I 1"),
+    ],
+)
+def test_intervals_that_cannot_be_are_refused(tmp_path, cell, observed, said):
+    model = epidemic().with_counts({"S": 5, "I": 1})
+    with pytest.raises(ValueError, match=re.escape(said)):
+        PanelLikelihood(model, read_counts(model, written(tmp_path, f"time,S\n0,5\n1,{cell}\n"), observed)).value()
+
+
+STARTS = "I,probability\n1,0.75\n2,0.25\n"
+
+
+def test_runs_may_start_in_one_of_several_states(tmp_path):
+    model = epidemic().with_counts({"S": 5, "I": 1})
+    starts = written(tmp_path, STARTS, "starts.csv")
+    data = read_counts(model, written(tmp_path, "time,S\n0,5\n1,4\n"), initial=starts)
+    assert data.runs[0].initial.tolist() == [[5, 1, 0], [5, 2, 0]]
+    assert data.runs[0].chances.tolist() == [0.75, 0.25]
+    assert data.runs[0].times.tolist() == [0.0, 1.0]  # the first row is a look
+    copies = read_snapshots(model, written(tmp_path, "time,S\n1,4\n2,3\n"), initial=starts)
+    assert all(run.chances.tolist() == [0.75, 0.25] for run in copies.runs)
+    alone = [read_snapshots(model.with_counts({"S": 5, "I": i}), tmp_path / "counts.csv") for i in (1, 2)]
+    each = [PanelLikelihood(model, PanelData(a.columns, a.runs[:1])).value().value for a in alone]
+    mixed = PanelLikelihood(model, PanelData(copies.columns, copies.runs[:1])).value().value
+    assert mixed == pytest.approx(np.log(0.75 * np.exp(each[0]) + 0.25 * np.exp(each[1])), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("I\n1\n", "starts.csv has no column probability"),
+        ("Z,probability\n1,1\n", "starts.csv: column 'Z' is no species; expected one of S, I, R"),
+        ("I,probability\n1,0.5\n2,0.4\n", "the probabilities sum to 0.9; expected 1"),
+        ("I,probability\n1,1.5\n2,-0.5\n", "line 3: a probability below 0"),
+        ("I,probability\n1,0.5\n1,0.5\n", "line 3: a state that stands above, too"),
+        ("I,probability\n,1\n", "line 2: I is empty"),
+        ("I,probability\n0.5,1\n", "line 2: 0.5 copies of I"),
+    ],
+)
+def test_starts_that_cannot_be_are_refused(tmp_path, text, said):
+    with pytest.raises(ValueError, match=re.escape(said)):
+        read_counts(epidemic(), written(tmp_path, TABLE), initial=written(tmp_path, text, "starts.csv"))
+
+
 def test_snapshots_start_as_the_model_does(tmp_path):
     model = epidemic().with_counts({"S": 9, "I": 1})
     data = read_snapshots(model, written(tmp_path, "time,I\n1,2\n0.5,1\n1,0\n"))
     assert [run.times.tolist() for run in data.runs] == [[1.0], [0.5], [1.0]]
-    assert all(run.initial.tolist() == [9, 1, 0] for run in data.runs)
+    assert all(run.initial.tolist() == [[9, 1, 0]] for run in data.runs)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """`calibrate` of data of others with priors, groups, other models, draws, a report; what `predict` makes of it."""
 
 import importlib.util
+import json
 import tomllib
 
 import numpy as np
@@ -165,3 +166,16 @@ def test_what_the_data_cannot_tell_is_null(wellmixed_here, place):
     predicted = wellmixed_here("predict", "ends.rxn", "--rates", "r.toml", "--times", 1, cwd=place)
     assert predicted.code == 2
     assert "the data could not tell l: fix it, as in calibrate --fix l=1" in predicted.err
+
+
+def test_a_start_that_is_not_certain(wellmixed_here, place):
+    (place / "starts.csv").write_text("A,B,probability\n30,0,0.5\n28,2,0.5\n")
+    command = ["calibrate", "fade.rxn", "--snapshots", "cells.csv", "--starts", 1, "--out", "r.toml", "--json"]
+    certain, mixed = (wellmixed_here(*command, *more, cwd=place) for more in ((), ("--initial", "starts.csv")))
+    slower = [json.loads(done.out)["parameters"]["k"]["value"] for done in (certain, mixed)]
+    assert slower[1] < slower[0]  # of fewer at the beginning, fewer are lost
+    done = wellmixed_here(
+        "calibrate", "ends.rxn", "--events", "events.csv", "--initial", "starts.csv", "--out", "r.toml", cwd=place
+    )
+    assert done.code == 2
+    assert "--initial is for --counts and --snapshots, not for events; leave it out" in done.err

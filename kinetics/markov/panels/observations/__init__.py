@@ -11,8 +11,9 @@ from kinetics.support.families import members
 from kinetics.markov.panels.observations.exact import Exact as Exact
 from kinetics.markov.panels.observations.detected import Detected as Detected
 from kinetics.markov.panels.observations.rounded import Rounded as Rounded
+from kinetics.markov.panels.observations.censored import Censored as Censored
 from kinetics.markov.panels.observations.gaussian import Gaussian as Gaussian
 
 OBSERVATIONS: tuple[type[Observation], ...] = members(globals(), Observation)
 
-__all__ = ["OBSERVATIONS", "Detected", "Exact", "Gaussian", "Observation", "Rounded"]
+__all__ = ["OBSERVATIONS", "Censored", "Detected", "Exact", "Gaussian", "Observation", "Rounded"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from math import inf
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,7 +20,7 @@ class Observation(ABC):
 
     >>> from kinetics.markov.panels.observations import OBSERVATIONS
     >>> [each.name for each in OBSERVATIONS]
-    ['exact', 'detected', 'rounded', 'gaussian']
+    ['exact', 'detected', 'rounded', 'censored', 'gaussian']
     """
 
     name: ClassVar[str]
@@ -31,6 +31,15 @@ class Observation(ABC):
     def parameter(self) -> float | None:
         """The number that a fit may leave free; None if there is none."""
         return None
+
+    @property
+    def told(self) -> dict[str, Any]:
+        """What a report says of it besides its name, ready for JSON."""
+        return dict(vars(self))
+
+    def words(self, seen: float) -> str:
+        """What an error says was seen."""
+        return f"{seen:g}"
 
     def with_parameter(self, value: float) -> Observation:  # noqa: ARG002
         """This observation model with another parameter."""

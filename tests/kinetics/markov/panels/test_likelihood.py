@@ -9,6 +9,7 @@ from scipy.stats import binom, poisson
 
 from kinetics import Model, Network, reachable
 from kinetics.markov.panels import PanelData, PanelLikelihood, PanelRun, few_states, log_likelihood
+from kinetics.markov.panels.fans import Cut
 from kinetics.markov.panels.observations import Detected, Gaussian, Rounded
 from kinetics.markov.panels.panel_step import amplified
 from kinetics.support.answer import Answer
@@ -39,7 +40,7 @@ def by_expm(network, data, states):
     counted, total = states @ data.weights(network).T, 0.0
     for run in data.runs:
         now, before = np.zeros(n), run.start
-        now[places[tuple(run.initial)]] = 1.0
+        now[[places[tuple(row)] for row in run.initial.tolist()]] = run.chances
         for look, time in enumerate(run.times):
             now = now @ expm(generator * (time - before))
             if run.fired[look] >= 0:
@@ -230,6 +231,19 @@ def test_a_rate_that_was_zero_may_become_positive(road):
     assert asked.value({"k": 0.5}).value == fresh < 0
 
 
+def test_certain_detection_may_become_uncertain(road):
+    decay = Model.of(Network.from_text("A -> B, 0.5"))
+    runs = [PanelRun([9, 0], [1.0, 2.0], [[4], [3]]), PanelRun([9, 0], [1.0], [[5]]), PanelRun([9, 0], [1.0], [[6]])]
+
+    def asked(p):
+        return PanelLikelihood(decay, PanelData({"A": {"A": 1}}, runs, {"A": Detected(p)}))
+
+    certain = asked(1.0)
+    assert certain.value().value == pytest.approx(asked(1.0 - 1e-12).value().value, abs=1e-9)
+    assert certain.value({"A": 0.7}).value == asked(0.7).value().value
+    assert asked(0.7).value({"A": 1.0}).value == certain.value().value
+
+
 def test_rate_laws_count_too(road):
     network = Network.from_text("make: 0 -> A, v / (1 + A / K)\nlose: A -> 0, 0.3", v=1.5, K=4.0)
     data = PanelData({"A": {"A": 1}}, [PanelRun([0], [1.0, 2.0], [[2], [3]])])
@@ -285,7 +299,7 @@ def test_what_is_left_out_may_explain_all_later_looks():
 
 
 def test_runs_that_are_alike_count_each(road):
-    """A hundred snapshots of four kinds cost four passes."""
+    """A hundred snapshots of four kinds at two times cost two passes."""
     network = Network.from_text("make: 0 -> A, 2\nlose: A -> 0, g", g=0.5)
     runs = [PanelRun([0], [time], [[seen]]) for time, seen in ((0.5, 1), (2.0, 3), (2.0, 2), (0.5, 0))]
     once, many = (PanelLikelihood(Model.of(network), PanelData({"A": {"A": 1}}, runs * n)) for n in (1, 25))
@@ -293,7 +307,8 @@ def test_runs_that_are_alike_count_each(road):
     assert all_of_them.answer.value == pytest.approx(25 * one.answer.value, rel=1e-13)
     assert all_of_them.gradient == pytest.approx(25 * one.gradient, rel=1e-12)
     assert "100 looks at 100 runs" in all_of_them.answer.why
-    assert len(many._alike) == 4
+    fans = Cut.of(network, many.data).fans
+    assert [fan.copies for fan in fans] == [[25, 25], [25, 25]]
 
 
 def test_what_is_lost_before_a_hidden_state_is_within_the_bound():

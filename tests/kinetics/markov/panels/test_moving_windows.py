@@ -6,7 +6,7 @@ from scipy.linalg import expm
 from scipy.stats import poisson
 
 from kinetics import Model, Network
-from kinetics.markov.panels import PanelData, PanelLikelihood, PanelRun, bridges, few_states, likelihood, moving_windows
+from kinetics.markov.panels import PanelData, PanelLikelihood, PanelRun, bridges, few_states, likelihood, moving_windows, run_pass
 from kinetics.markov.panels.observations import Detected, Rounded
 
 BOX = 22  # of each of two species; what these networks hold beyond has a probability below 1e-12
@@ -41,7 +41,7 @@ def test_windows_and_bridges_are_the_chain_of_all_states(with_events, request):
     assert asked.value().value == pytest.approx(every.answer.value, abs=1e-9)
     found = asked.scored({}, names)
     (steps,) = {id(steps): steps for steps in asked._known.values()}.values()
-    assert any(step.look < 0 for step in steps.steps[0])
+    assert any(step.look < 0 for step in steps.steps[0, 0])
     assert found.answer.kind == "estimate"
     assert found.answer.value == pytest.approx(every.answer.value, abs=1e-9)
     np.testing.assert_allclose(found.gradient, every.gradient, rtol=1e-8)
@@ -102,7 +102,7 @@ def test_no_bound_is_false_where_much_is_lost(windows, monkeypatch, networks):
 
 def test_bounds_without_what_was_lost_would_be_false(windows, monkeypatch):
     coarse(monkeypatch)
-    monkeypatch.setattr(likelihood, "amplified", lambda *_: np.zeros(()))
+    monkeypatch.setattr(run_pass, "amplified", lambda *_: np.zeros(()))
     failed, _ = false_bounds(range(20))
     assert failed > 10
 

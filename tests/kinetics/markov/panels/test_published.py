@@ -42,9 +42,7 @@ def test_recipients_of_hearts_seen_once_a_year():
     network = Network.from_text("\n".join(f"q{ij}: S{ij[0]} -> S{ij[1]}, {rate}" for ij, rate in rates.items()))
     seen = {f"S{i}": {f"S{i}": 1} for i in (1, 2, 3, 4)}
     place = [network.index(name) for name in seen]
-    runs = [
-        PanelRun(np.array(run.initial)[np.argsort(place)], run.times, run.seen, run.start, run.fired) for run in runs
-    ]
+    runs = [PanelRun(run.initial[:, np.argsort(place)], run.times, run.seen, run.start, run.fired) for run in runs]
     asked = PanelLikelihood(Model.of(network), PanelData(seen, runs, events=[("q14", "q24", "q34")]))
     found = asked.scored({}, network.channels)
     assert -2 * found.answer.value == pytest.approx(3968.79788, abs=1e-5)
