@@ -6,7 +6,16 @@ from scipy.linalg import expm
 from scipy.stats import poisson
 
 from kinetics import Model, Network
-from kinetics.markov.panels import PanelData, PanelLikelihood, PanelRun, bridges, few_states, likelihood, moving_windows, run_pass
+from kinetics.markov.panels import (
+    PanelData,
+    PanelLikelihood,
+    PanelRun,
+    bridges,
+    few_states,
+    likelihood,
+    moving_windows,
+    run_pass,
+)
 from kinetics.markov.panels.observations import Detected, Rounded
 
 BOX = 22  # of each of two species; what these networks hold beyond has a probability below 1e-12
