@@ -14,6 +14,8 @@ from typing import NamedTuple
 
 import pytest
 
+from kinetics.native import library
+
 ROOT = Path(__file__).parents[1]
 ROOMS = ("kinetics", "mechsim", "calibration")
 SOURCES = [*sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py")), ROOT / "wellmixed.py"]
@@ -252,3 +254,21 @@ def test_the_front_door_is_light(arguments):
 @pytest.mark.parametrize("room", ["kinetics", "mechsim", "calibration"])
 def test_rooms_are_light_to_enter(room):
     assert not set(HEAVY) & set(loaded(f"import {room}"))
+
+
+@pytest.mark.skipif(not library.is_built(), reason="the C kernels were not built: there was no compiler")
+@pytest.mark.parametrize(
+    "asked",
+    [
+        ["P=? [ F<=5 AB >= 5 ]", "P=? [ F[1,5] AB >= 5 ]", "P=? [ A > 2 U AB >= 9 ]", "S=? [ AB >= 5 ]"],
+        ['R{"AB"}=? [ C<=5 ]', 'R{"AB"}=? [ I=5 ]', 'R{"A"}=? [ F AB >= 5 ]', 'R{"AB"}=? [ S ]'],
+        ["P=? [ F<=5 AB >= 5 ]", "S=? [ AB >= 5 ]", "P=? [ A > 2 U AB >= 9 ]", "--sensitivity"],
+    ],
+)
+def test_questions_do_not_start_the_compiler(asked, tmp_path):
+    """Neither for values nor for derivatives; the control shows that it would be seen."""
+    network = tmp_path / "pair.rxn"
+    network.write_text("bind: A + B <-> AB, 1e-2, 0.1\nA = 10\nB = 10\n", encoding="utf-8")
+    code = "from wellmixed import main\ntry:\n    main({})\nexcept SystemExit: pass"
+    assert "numba" not in loaded(code.format(["ask", str(network), *asked]))
+    assert "numba" in loaded("from kinetics.kernels import markov")

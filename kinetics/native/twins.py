@@ -255,6 +255,38 @@ def retreat(moves: Any, starts: Ints, chances: Floats, now: Floats, before: Floa
         kernels.markov.retreat(*moves, first, weights, now, before, out)
 
 
+def powers(moves: Any, vectors: Floats) -> None:
+    """Fill the rows of `vectors` (B + 1, N) after the first: `markov.powers`.
+
+    moves : of `backward_moves`, but into states
+    """
+    is_native = isinstance(moves, ChainMoves)
+    n_moves = (moves.kept if is_native else moves)[2].size
+    for part in short_slices(len(vectors) - 1, 2.0 * (n_moves + vectors.shape[1])):
+        some = vectors[part.start : part.stop + 1]
+        if is_native:
+            call("powers", moves, some, len(some) - 1)
+            continue
+
+        kernels.markov.powers(*moves, some)
+
+
+def steps_back(
+    moves: Any, vectors: Floats, weights: Floats, after: Floats, values: Floats, later: Floats, gained: Floats,
+    held: Floats, mixed: Floats,
+) -> None:  # fmt: skip
+    """Step backwards, and note what each move brings: `markov.steps_back`; moves : of `backward_moves`."""
+    is_native, values = isinstance(moves, ChainMoves), given(values, float)
+    for part in reversed(list(short_slices(len(vectors), 2.0 * (gained.size + values.size)))):
+        some = vectors[part], weights[part], after[part]
+        if is_native:
+            room = np.empty_like(later)
+            call("steps_back", moves, *some, values, later, room, gained, held, mixed, weights[part].size)
+            continue
+
+        kernels.markov.steps_back(*moves, *some, values, later, gained, held, mixed)
+
+
 def summed_steps(matrix: Any, diagonal: Floats, weights: Floats, vector: Floats) -> Floats:
     """Sums (T, N) of weights[t, b] v over steps v <- M v, from a vector (N,): `markov.summed_steps`.
 
@@ -332,6 +364,30 @@ def occupy(band: Floats, exits: Floats, x: Floats) -> None:
         return
 
     kernels.elimination.occupy(band, exits, x)
+
+
+def balance(band: Floats, x: Floats) -> None:
+    """Stationary weights of a banded chain: `elimination.balance`."""
+    if is_built():
+        call("balance_band", band, x, x.size, band.shape[1] // 2)
+        return
+
+    kernels.elimination.balance(band, x)
+
+
+def balanced(table: Any, exits: Floats, logs: Floats) -> None:
+    """A first guess of a stationary distribution, as logarithms (n,): `balance.balanced`.
+
+    table : csr_array of rates
+    """
+    if is_built():
+        begins, columns = given(table.indptr, np.int64), given(table.indices, np.int64)
+        rates, out = given(table.data, float), given(exits, float)
+        found, queue = np.zeros(logs.size, bool), np.empty(logs.size, np.int64)
+        call("balanced", begins, columns, rates, out, logs, found, queue, logs.size)
+        return
+
+    kernels.balance.balanced(table.indptr, table.indices, table.data, exits, logs)
 
 
 def _divided(is_done: int) -> None:

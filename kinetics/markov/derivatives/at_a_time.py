@@ -28,7 +28,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinetics import kernels
 from kinetics.markov.derivatives.forwards import Forwards, places
 from kinetics.markov.derivatives.gradient import ChannelEntries, Gradient
 from kinetics.markov.passage.backward import (
@@ -45,9 +44,9 @@ from kinetics.markov.passage.until import rate_reward
 from kinetics.markov.transient.poisson import ROUNDOFF, poisson_window
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.markov.transient.uniformisation import MAX_STEPS
+from kinetics.native import twins
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, Ints
-from kinetics.support.interrupts import short_slices
 
 
 class Weights(NamedTuple):
@@ -217,7 +216,8 @@ class Passes:
         self._kept, self._weights = kept, weights
         moves, self._stays, roundings = one_step(chain)
         moves.sort_indices()
-        self._moves, self._rate = places(moves), jump_rate(chain)
+        self._moves, self._rate = twins.backward_moves(*places(moves), self._stays), jump_rate(chain)
+        self._n_moves = moves.nnz
         n, inflows = chain.size, int(np.bincount(chain.columns, minlength=1).max())
         self._forwards = Forwards(moves, self._stays, kept.start, weights.values, kept.functions)
         steps = self._forwards.n_steps
@@ -270,13 +270,11 @@ class Passes:
         """
         n, weights, steps = values.size, self._weights.values, self._forwards.n_steps
         after, later, spent = sums_after(weights[:steps]), np.zeros(n), np.zeros(n)
-        sums = [np.zeros(self._moves[1].size), np.zeros(n), np.zeros(n)]
+        sums = [np.zeros(self._n_moves), np.zeros(n), np.zeros(n)]
         for begin, vectors in self._forwards.backwards():
             block = slice(begin, begin + len(vectors))
             parts = [np.zeros_like(each) for each in sums]
-            for part in reversed(list(short_slices(len(vectors), 2.0 * (parts[0].size + n)))):
-                some = vectors[part], weights[block][part], after[block][part]
-                kernels.markov.steps_back(*self._moves, self._stays, *some, values, later, *parts)
+            twins.steps_back(self._moves, vectors, weights[block], after[block], values, later, *parts)
             for s, found in enumerate(parts):
                 sums[s] += found
             if self._kept.impulses is not None:

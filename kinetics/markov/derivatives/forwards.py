@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from kinetics import kernels
 from kinetics.markov.passage.backward import sums_after
 from kinetics.markov.transient.poisson import ROUNDOFF
+from kinetics.native import twins
 from kinetics.support.arrays import Floats
-from kinetics.support.interrupts import short_slices
 from kinetics.support.memory import check_memory
 
 KEPT_BYTES = 2**28  # of all vectors; beyond, those of a block of steps are made again from its first
@@ -32,7 +31,7 @@ class Forwards:
     """
 
     def __init__(self, moves: Any, stays: Floats, start: Floats, weights: Floats, functions: Floats) -> None:
-        self._arrays = (*places(moves.T.tocsr()), stays)
+        self._moves = twins.backward_moves(*places(moves.T.tocsr()), stays)
         most, n = weights.size, start.size
         self.length = ceil(sqrt(most))
         rows = min(KEPT_BYTES / (8.0 * n), most) + 3.0 * self.length
@@ -58,8 +57,7 @@ class Forwards:
         """The vectors (size + 1, N) of a block from its first, and the first of the next."""
         block = np.empty((size + 1, first.size))
         block[0] = first
-        for part in short_slices(size, self._arrays[1].size + first.size):
-            kernels.markov.powers(*self._arrays, block[part.start : part.stop + 1])
+        twins.powers(self._moves, block)
         return block
 
     def backwards(self) -> Iterator[tuple[int, Floats]]:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics import kernels
 from kinetics.markov.passage.certified import Equations
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import RATE_ERROR, totals
@@ -85,7 +84,7 @@ class Elimination(Equations):
     def stationary(self) -> Floats:
         """Probabilities (n,) that do not change, of an irreducible chain that nothing leaves."""
         x = np.empty(self._order.size)
-        kernels.elimination.balance(self._band, x)
+        twins.balance(self._band, x)
         return self._back(x / x.sum())
 
     def at_most(self, weights: Floats, like: Floats, is_occupation: bool = False) -> Floats:  # noqa: ARG002

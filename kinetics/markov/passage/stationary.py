@@ -8,7 +8,6 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics import kernels
 from kinetics.markov.passage.certified import BoundedSolution, Equations, leaving_rates
 from kinetics.markov.passage.elimination import MAX_FACTORED, Elimination, SparseFactors, TooLargeError, work_of
 from kinetics.markov.passage.equations import equations, is_easy
@@ -17,6 +16,7 @@ from kinetics.markov.passage.until import UNDERFLOW
 from kinetics.markov.transient import StateSpace, Transitions
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import totals
+from kinetics.native import twins
 from kinetics.support import plots
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Counts, Floats, read_only
@@ -259,7 +259,7 @@ def _guessed(chain: Transitions) -> Floats:
     table: Any = sparse.csr_array((chain.rates, (chain.rows, chain.columns)), shape=(chain.size, chain.size))
     table.sum_duplicates()
     logs = np.empty(chain.size)
-    kernels.balance.balanced(table.indptr, table.indices, table.data, chain.exits, logs)
+    twins.balanced(table, chain.exits, logs)
     return np.exp(np.maximum(logs - float(logs.max()), LOWEST))
 
 

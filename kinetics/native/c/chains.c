@@ -286,6 +286,55 @@ void retreat(const ChainMoves *steps, const int64_t *starts, const double *chanc
         }
 }
 
+/* The vectors after the first, each one step after the one before, p <- p P, P's diagonal in the place of exits. */
+void powers(const ChainMoves *steps, double *vectors, int64_t n_steps)
+{
+    for (int64_t b = 0; b < n_steps; b++) {
+        const double *restrict now = vectors + b * steps->n;
+        double *restrict after = vectors + (b + 1) * steps->n;
+        uint32_t end = steps->begins[0];
+        for (int64_t i = 0; i < steps->n; i++) {
+            double total = steps->exits[i] * now[i];
+            const uint32_t begin = end;
+            end = steps->begins[i + 1];
+            for (uint32_t k = begin; k < end; k++)
+                total += steps->shares[k] * now[steps->sources[k]];
+            after[i] = total;
+        }
+    }
+}
+
+/* Steps backwards, later <- P later + weights[b] values for falling b, P's diagonal in the place of exits; note before each
+ * what every move and state brings, and how often: markov.steps_back says how. */
+void steps_back(const ChainMoves *steps, const double *vectors, const double *weights, const double *rests,
+                const double *values, double *later, double *other, double *gained, double *held, double *mixed,
+                int64_t n_steps)
+{
+    double *now = later, *before = other;
+    for (int64_t b = n_steps - 1; b >= 0; b--) {
+        const double *chances = vectors + b * steps->n, weight = weights[b], rest = rests[b];
+        uint32_t end = steps->begins[0];
+        for (int64_t i = 0; i < steps->n; i++) {
+            const double here = now[i], chance = chances[i];
+            double total = steps->exits[i] * here;
+            const uint32_t begin = end;
+            end = steps->begins[i + 1];
+            for (uint32_t k = begin; k < end; k++) {
+                const double there = now[steps->sources[k]];
+                total += steps->shares[k] * there;
+                gained[k] += chance * (there - here);
+            }
+            held[i] += chance * here;
+            mixed[i] += rest * chance;
+            before[i] = total + weight * values[i];
+        }
+        double *swapped = now;
+        now = before, before = swapped;
+    }
+    if (now != later)
+        memcpy(later, now, (size_t)steps->n * sizeof *later);
+}
+
 /* A matrix whose diagonal is `stays`. In rows firsts[r] to firsts[r + 1] the other entries are in the same places next to
  * the diagonal, offsets[entries[r]] to offsets[entries[r + 1]]; of these rows, all shares at the first of the places come
  * first, from shares[begins[r]] on. The piece p of ROWS rows begins in run pieces[p]. */

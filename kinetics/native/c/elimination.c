@@ -1,6 +1,7 @@
 /* State reduction on a banded chain without subtractions (Grassmann, Taksar & Heyman 1985): what elimination.py does,
  * to the last bit. band (n, 2b + 1); 0 comes back where an exit rate is 0 by which something is divided. */
 
+#include <math.h>
 #include <stdint.h>
 
 #define AT(i, j) band[(i) * (2 * b + 1) + (j) - (i) + b]
@@ -71,4 +72,43 @@ int occupy_band(const double *band, const double *exits, double *x, int64_t n, i
         for (int64_t i = k > b ? k - b : 0; i < k; i++)
             x[k] += x[i] * AT(i, k);
     return 1;
+}
+
+/* Stationary weights of a chain that nothing leaves, up to a factor: x_0 = 1, x_k = sum over i < k of x_i q_ik / S_k. */
+void balance_band(const double *band, double *x, int64_t n, int64_t b)
+{
+    x[0] = 1.0;
+    for (int64_t k = 1; k < n; k++) {
+        double total = 0.0;
+        for (int64_t i = k > b ? k - b : 0; i < k; i++)
+            total += x[i] * AT(i, k);
+        x[k] = total;
+        if (total > 1e200) /* only ratios count, and weights may grow beyond double */
+            for (int64_t i = 0; i <= k; i++)
+                x[i] *= 1e-200;
+    }
+}
+
+/* Logarithms of probabilities that balance each state with the one that a search in width finds it from: balance.py says
+ * how. found, queue: room for n each. */
+void balanced(const int64_t *begins, const int64_t *columns, const double *rates, const double *exits, double *logs,
+              char *found, int64_t *queue, int64_t n)
+{
+    int64_t end = 1;
+    found[0] = 1, queue[0] = 0, logs[0] = 0.0;
+    for (int64_t at = 0; at < end; at++) {
+        const int64_t i = queue[at];
+        for (int64_t e = begins[i]; e < begins[i + 1]; e++) {
+            const int64_t j = columns[e];
+            if (found[j])
+                continue;
+            double back = exits[j];
+            for (int64_t f = begins[j]; f < begins[j + 1]; f++)
+                if (columns[f] == i)
+                    back = rates[f];
+            logs[j] = logs[i] + log(rates[e]) - log(back);
+            found[j] = 1;
+            queue[end++] = j;
+        }
+    }
 }

@@ -12,7 +12,7 @@ from numpy.testing import assert_array_equal
 from sampled_networks import ENZYME, MIXED, PRODUCTS, THIRD_ORDER, ring
 from scipy import sparse
 
-from kinetics.kernels import direct, elimination, exploration, markov, outcomes, residuals
+from kinetics.kernels import balance, direct, elimination, exploration, markov, outcomes, residuals
 from kinetics.kernels import statistics as tallies
 from kinetics.kernels.ensemble_work import BEFORE, EVENTS, RUN, ensemble_work, never
 from kinetics.markov.transient import reachable
@@ -296,6 +296,33 @@ def test_steps_of_a_chain_are_the_same():
         begin, now = (np.array([3, 0]), np.array([0.25, 0.75])), (vectors[1].copy(), np.empty(200))
         in_c, by_numba = partial(twins.retreat, twins.backward_moves(*arrays)), partial(markov.retreat, *arrays)
         assert_same(in_c, by_numba, (*begin, *now, np.empty(steps)))
+    in_c, by_numba = partial(twins.powers, twins.backward_moves(*arrays)), partial(markov.powers, *arrays)
+    (vectors,) = assert_same(in_c, by_numba, (vectors,))
+    in_c, by_numba = partial(twins.steps_back, twins.backward_moves(*arrays)), partial(markov.steps_back, *arrays)
+    sums = np.zeros(arrays[1].size), rng.random(200), np.zeros(200)
+    for steps in (4, 5):
+        given = vectors[:steps].copy(), rng.random(steps), rng.random(steps), rng.random(200), rng.random(200)
+        assert_same(in_c, by_numba, (*given, *sums))
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e30])
+def test_stationary_weights_are_the_same(scale):
+    rng = np.random.default_rng(6)
+    n, b = 150, 6
+    band = rng.random((n, 2 * b + 1)) * scale  # where weights grow beyond double they are scaled
+    assert_same(twins.balance, elimination.balance, (band, np.empty(n)))
+
+
+def test_a_first_guess_of_the_stationary_distribution_is_the_same():
+    rng = np.random.default_rng(7)
+    rates = rng.random((200, 200)) * (rng.random((200, 200)) < 0.05) * 10.0 ** rng.integers(-9, 9, (200, 200))
+    rates += np.diag(rng.random(199), 1)
+    table = sparse.csr_array(rates)
+    arrays = table.indptr, table.indices, table.data, rates.sum(axis=1)
+    found, guessed = np.empty(200), np.empty(200)
+    twins.balanced(table, arrays[-1], found)
+    balance.balanced(*arrays, guessed)
+    assert_array_equal(found, guessed)
 
 
 @pytest.mark.parametrize("kind", ["random", "band", "ends in a sink", "one state", "no entries"])

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from known_systems import walk
 
-from kinetics.kernels import markov
 from kinetics.markov import Chain, Sensitivity
 from kinetics.markov.derivatives import forwards
 from kinetics.native import twins
@@ -27,8 +26,8 @@ def counted(monkeypatch):
     found = {}
     for module, name, amount in (
         (twins, "retreat", lambda *arguments: arguments[-1].size),
-        (markov, "powers", lambda *arguments: len(arguments[-1]) - 1),
-        (markov, "steps_back", lambda begins, ends, shares, stays, vectors, *rest: len(vectors)),
+        (twins, "powers", lambda moves, vectors: len(vectors) - 1),
+        (twins, "steps_back", lambda moves, vectors, *rest: len(vectors)),
         (twins, "reduce", lambda *arguments: 1),
         (twins, "solve", lambda *arguments: 1),
         (twins, "occupy", lambda *arguments: 1),
