@@ -49,7 +49,8 @@ class Reward:
 def checked_parts(given: Mapping[str, Any]) -> dict[str, Any]:
     """The parts of a `Chain` by name, as arrays that belong together; a ValueError if they do not.
 
-    Conditions of labels may name variables, that of the truncated states labels too, and formulas of rewards both.
+    Conditions of labels may name variables, that of the truncated states labels too, and formulas of rewards both. A
+    label with the name of a variable says that this is boolean, and has its values.
     """
     known, variables = given["transitions"], tuple(given["variables"])
     if not isinstance(known, Transitions):
@@ -58,12 +59,13 @@ def checked_parts(given: Mapping[str, Any]) -> dict[str, Any]:
     counts = None if given["counts"] is None else integers("counts", given["counts"], (n, len(variables)))
     if counts is None and variables:
         raise ValueError(f"variables {', '.join(variables)} came without counts; give their values in every state")
-    checked_names(given["labels"], "label", dict.fromkeys(variables))
+    checked_names(given["labels"], "label", {})
     checked_names(given["rewards"], "reward", {})
     initial = checked_start(given["initial"], n)
     truncated = np.zeros(n, dtype=bool) if edge is None or isinstance(edge, str) else checked_mask("truncated", edge, n)
     names = StateNames(n, variables, counts, built_in(known, initial, truncated, variables))
     labels = {name: states_of(names, target, f"label {name!r}") for name, target in given["labels"].items()}
+    _check_booleans(labels, variables, counts)
     names.labels = {**names.labels, **labels}
     if isinstance(edge, str):
         truncated = names.holds(edge)
@@ -77,6 +79,13 @@ def checked_parts(given: Mapping[str, Any]) -> dict[str, Any]:
         "counts": counts,
         "truncated": read_only(truncated),
     }
+
+
+def _check_booleans(labels: Mapping[str, Mask], variables: Sequence[str], counts: Any) -> None:
+    """A ValueError if a label has the name of a variable, but not its values, as that of a boolean one has."""
+    for name in labels:
+        if name in variables and not np.array_equal(labels[name], counts[:, variables.index(name)]):
+            raise ValueError(f"{name!r} is both a label and a variable with other values; rename one")
 
 
 def built_in(known: Transitions, initial: Floats, truncated: Mask, taken: Sequence[str] = ()) -> dict[str, Mask]:

@@ -38,6 +38,8 @@ Parsed = TypeVar("Parsed")
 def read_explicit(path: str | Path) -> Chain:
     """The chain in a `.tra` file and those beside it; its labels include "init", where it starts, and "deadlock".
 
+    A variable that is true or false in all states is also a label of its name, so that conditions may take it alone.
+
     ValueError: a file is missing or damaged, with its line; the label "init" is not that of one state
 
     >>> from pathlib import Path
@@ -61,8 +63,12 @@ def read_explicit(path: str | Path) -> Chain:
     bad = ~((rates >= 0) & np.isfinite(rates))
     if bad.any():
         raise ValueError(f"{file}: a rate is {rates[bad][0]:g}; expected a finite number of at least 0")
-    variables, counts = _variables(file.with_suffix(".sta"), n)
+    variables, counts, booleans = _variables(file.with_suffix(".sta"), n)
     labels = _labels(file.with_suffix(".lab"), n)
+    twice = next((name for name in booleans if name in labels), None)
+    if twice is not None:
+        raise ValueError(f"{file.with_suffix('.lab')}: the label {twice!r} is also a variable; rename one")
+    labels |= booleans
     starts = np.flatnonzero(labels[INIT]) if INIT in labels else np.zeros(1, dtype=np.int64)
     if starts.size != 1:
         raise ValueError(f"{file.with_suffix('.lab')}: {starts.size} states have the label {INIT!r}; expected one")
@@ -108,11 +114,13 @@ def write_explicit(chain: Chain, path: str | Path) -> None:
     off = order[(entries.row != entries.col)[order]]
     lines = zip(entries.row[off].tolist(), entries.col[off].tolist(), entries.data[off].tolist(), strict=True)
     contents = {file: _text([f"{len(chain)} {off.size}", *(f"{i} {j} {rate!r}" for i, j, rate in lines)])}
-    own = {name: mask for name, mask in chain.labels.items() if name not in (INIT, DEADLOCK)}
+    own = {name: mask for name, mask in chain.labels.items() if name not in (INIT, DEADLOCK, *chain.variables)}
     variables = prism_names(chain.variables).values()
     spelled = prism_names([*own], variables)
     if chain.counts is not None:
-        rows = ("(" + ",".join(map(str, row)) + ")" for row in np.asarray(chain.counts).tolist())
+        is_truth = [name in chain.labels for name in chain.variables]
+        words = (_words(row, is_truth) for row in np.asarray(chain.counts).tolist())
+        rows = ("(" + ",".join(row) + ")" for row in words)
         contents[file.with_suffix(".sta")] = _text(
             [f"({','.join(variables)})", *(f"{i}:{row}" for i, row in enumerate(rows))]
         )
@@ -135,7 +143,8 @@ def _check_written(chain: Chain, file: Path, contents: Mapping[Path, str]) -> No
         except ValueError as error:
             told = str(error).replace(f"{folder}/", "")
             raise ValueError(f"{file} is not written, because it cannot be read back: {told}") from None
-    own = [mask for name, mask in chain.labels.items() if name not in chain.built_in]
+    own = [mask for name, mask in chain.labels.items() if name not in (*chain.built_in, *chain.variables)]
+    own += [chain.labels[name] for name in chain.variables if name in chain.labels]
     masks = [*chain.built_in.values(), *own]
     wrong = {
         "rates": _differ(chain.transitions.generator(), again.transitions.generator()),
@@ -182,6 +191,11 @@ def _reward_files(file: Path, chain: Chain) -> Iterator[tuple[Path, str]]:
             lines = [f"{i} {j} {value!r}" for i, j, value in rows]
             heads = [heading, "# Transition rewards", f"{len(chain)} {len(lines)}"]
             yield Path(f"{stem}.trew"), _text([*heads, *lines])
+
+
+def _words(row: list[int], is_truth: list[bool]) -> list[str]:
+    """The values of variables in a state; of boolean ones as true and false."""
+    return [str(bool(value)).lower() if truth else str(value) for value, truth in zip(row, is_truth, strict=True)]
 
 
 def _text(lines: list[str]) -> str:
@@ -255,17 +269,20 @@ def _two(line: str) -> tuple[int, int]:
     return int(first), int(second)
 
 
-def _variables(path: Path, n: int) -> tuple[tuple[str, ...], NDArray[np.int64] | None]:
-    """Names and values of the variables, where there is such a file."""
+def _variables(path: Path, n: int) -> tuple[tuple[str, ...], NDArray[np.int64] | None, dict[str, NDArray[np.bool_]]]:
+    """Names and values of the variables, where there is such a file; and as labels those that are true or false."""
     if not path.is_file():
-        return (), None
+        return (), None, {}
     (first, heading), *lines = list(_lines(path)) or [(1, "")]
     names = tuple(name.strip() for name in heading.strip("()").split(",") if name.strip())
     words = {"true": 1, "false": 0}
+    numbers: set[int] = set()  # of the variables that are no truths
 
     def row(line: str) -> tuple[int, list[int]]:
         state, _, values = line.partition(":")
-        told = [words[word] if word in words else int(word) for word in values.strip().strip("()").split(",")]
+        written = values.strip().strip("()").split(",")
+        numbers.update(place for place, word in enumerate(written) if word not in words)
+        told = [words[word] if word in words else int(word) for word in written]
         if len(told) != len(names) or not 0 <= int(state) < n or any(abs(value) >= 2**63 for value in told):
             raise ValueError
         return int(state), told
@@ -281,7 +298,8 @@ def _variables(path: Path, n: int) -> tuple[tuple[str, ...], NDArray[np.int64] |
         counts[state], seen[state] = values, True
     if not names or not seen.all():
         raise ValueError(f"{path}, line {first}: expected the names of variables, then their values in all {n} states")
-    return names, counts
+    booleans = {name: counts[:, place] == 1 for place, name in enumerate(names) if place not in numbers}
+    return names, counts, booleans
 
 
 def _labels(path: Path, n: int) -> dict[str, NDArray[np.bool_]]:

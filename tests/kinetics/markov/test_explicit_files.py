@@ -137,6 +137,29 @@ def test_every_chain_has_them_unless_something_else_is_called_so():
     assert_array_equal(named.states("init = 4"), [False, True])
 
 
+def test_variables_that_are_true_or_false_are_conditions(tmp_path):
+    (tmp_path / "m.tra").write_text("3 3\n0 1 1\n1 2 2\n2 0 1\n")
+    (tmp_path / "m.sta").write_text("(x,up,mixed)\n0:(0,true,true)\n1:(1,true,0)\n2:(2,false,1)\n")
+    chain = read_explicit(tmp_path / "m.tra")
+    assert chain.variables == ("x", "up", "mixed")
+    assert chain.counts[:, 1].tolist() == [1, 1, 0]
+    for text in ("up", "up = true", "!up = false", "up & x >= 0", "up = 1", "!(up = false)"):
+        assert_array_equal(chain.states(text), [True, True, False])
+    assert_array_equal(chain.states("!up | mixed = 1"), [True, False, True])
+    with pytest.raises(ValueError, match="mixed is a number, neither true nor false"):  # the control
+        chain.states("mixed")
+    assert chain.reward("up", stationary=True).value == pytest.approx(chain.steady_state("up").value, rel=1e-14)
+    folder = tmp_path / "again"
+    folder.mkdir()
+    write_explicit(chain, folder / "m.tra")
+    assert (folder / "m.sta").read_text() == "(x,up,mixed)\n0:(0,true,1)\n1:(1,true,0)\n2:(2,false,1)\n"
+    assert (folder / "m.lab").read_text() == '0="init" 1="deadlock"\n0: 0\n'
+    assert_array_equal(read_explicit(folder / "m.tra").states("up"), chain.states("up"))
+    (tmp_path / "m.lab").write_text('0="init" 1="up"\n0: 0 1\n')
+    with pytest.raises(ValueError, match="the label 'up' is also a variable; rename one"):
+        read_explicit(tmp_path / "m.tra")
+
+
 def test_names_of_rewards_and_labels_in_its_files_are_identifiers(tmp_path):
     chain = Chain(RATES, 1, {"A(b)": [True] * 3}, {"max": [1.0] * 3, "B b": [2.0] * 3}, ("A[b]",), [[1], [2], [3]])
     write_explicit(chain, tmp_path / "m.tra")
