@@ -18,7 +18,7 @@ from kinetics.markov.passage.committor import Committor, check_targets, committo
 from kinetics.markov.passage.first_passage import Passage
 from kinetics.markov.passage.moments import passage_to
 from kinetics.markov.passage.stationary import Stationary, stationary_of, steady_mean
-from kinetics.markov.passage.until import Mask, accumulated_until, always, rate_reward, until
+from kinetics.markov.passage.until import InfiniteMeanError, Mask, accumulated_until, always, rate_reward, until
 from kinetics.markov.rewards import named_reward, truncation_bounds
 from kinetics.markov.state_enumeration import Condition, enumerated
 from kinetics.markov.transient import ListingMethod, StateSpace, Transient, Transitions
@@ -129,10 +129,10 @@ class Chain:
                 f"for a probability, a committor, a passage time or a reward"
             )
 
-    def states(self, target: Target, what: str = "target") -> Mask:
-        """The states (N,) of a target: those in which a condition holds."""
+    def states(self, target: Target, what: str = "target", labels: Mapping[str, Mask] | None = None) -> Mask:
+        """The states (N,) of a target: those in which a condition holds, which may name more `labels`."""
         taken = (*self.labels, *self.variables)
-        labels = {**self.labels, **built_in(self.transitions, self.initial, self.truncated, taken)}
+        labels = {**self.labels, **built_in(self.transitions, self.initial, self.truncated, taken), **(labels or {})}
         return states_of(StateNames(len(self), self.variables, self.counts, labels), target, what)
 
     def transient(self, times: ArrayLike, method: ListingMethod | None = None) -> ChainDistribution:
@@ -164,7 +164,7 @@ class Chain:
 
         def reached(goals: Mask) -> Answer:
             if by is None:
-                return self._answer(lambda: until(*self._begun, ways, goals).found, EQUATIONS)
+                return self._ever(lambda start: until(self.transitions, start, ways, goals).found, first)
             return self._by(goals, goals | ~ways, by, method, first)
 
         return self._either_way(reached, goal, self.truncated & ways & ~goal)
@@ -178,7 +178,7 @@ class Chain:
 
         def stays(kept: Mask) -> Answer:
             if by is None:
-                return self._answer(lambda: always(*self._begun, kept).found, EQUATIONS)
+                return self._ever(lambda start: always(self.transitions, start, kept).found, first)
             return self._by(kept, ~kept, by, method, first)
 
         return self._either_way(stays, wanted & ~self.truncated, self.truncated & wanted)
@@ -193,6 +193,7 @@ class Chain:
     ) -> Answer:
         """Mean of a reward: its rate `at` a time or in the steady state, its total `up_to` a time or `until` a target.
 
+        up_to : tu; inf for the total of all time
         name : of the reward; of a variable, for its value; None for the only one
         ValueError: not one of the four is asked for; or the target may never be reached, so that there is no finite
             mean
@@ -209,6 +210,8 @@ class Chain:
             return truncation_bounds(by_values, rates, edge, given.most)
         rates, rounded = rate_reward(self.transitions, np.asarray(given.rates), impulse_reward(self, given))
         rounded += given.error
+        if up_to == np.inf:
+            return self.reward(name, until=self.exhausted(rates))
         if up_to is not None:
             end = one_time("up_to", up_to)
 
@@ -223,6 +226,20 @@ class Chain:
             found = self._answer(lambda: accumulated_until(*asked).found.inflated(rounded), EQUATIONS)
             return replace(found, high=np.inf) if unsure.any() else found
         return self._answer(lambda: steady_mean(self.stationary(), rates).inflated(rounded), EQUATIONS)
+
+    def exhausted(self, rates: Floats) -> Mask:
+        """The states (N,) from which none with a reward rate (N,) above 0 is reached any more.
+
+        ValueError: the chain may go on for ever without coming to one, so that the total reward is infinite
+        """
+        later = self.transitions.leading_to((rates > 0.0) | self.truncated)
+        if not self.transitions.leading_to(~later | self.truncated)[
+            self.transitions.reached_from(self.initial > 0)
+        ].all():
+            raise InfiniteMeanError(
+                "the total reward is infinite, because it never ends; ask for it up to a time, C<=t"
+            )
+        return np.asarray(~later)
 
     def steady_state(self, states: Target) -> Answer:
         """Probability of the states after infinite time."""
@@ -265,6 +282,12 @@ class Chain:
     @property
     def _begun(self) -> tuple[Transitions, Floats]:
         return self.transitions, self.initial
+
+    def _ever(self, found: Callable[[Floats], Answer], first: FirstPhase | None) -> Answer:
+        """The answer of a question without end from a start (N,), from a first phase on if there is one."""
+        if first is None:
+            return self._answer(lambda: found(self.initial), EQUATIONS)
+        return first.then(lambda start, _: self._answer(lambda: found(start), EQUATIONS), 0.0).clipped()
 
     def _first_phase(self, ways: Mask, after: float, by: float | None, method: ListingMethod | None) -> FirstPhase:
         return FirstPhase.of(*self._begun, ways, self.truncated, (after, by), self.space, method)

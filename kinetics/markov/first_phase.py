@@ -33,7 +33,7 @@ class FirstPhase(NamedTuple):
     lost : probability of one that kept to the allowed states, and may have passed the edge of a truncated chain
     error : bound on the absolute error of share * start summed over all states, and of what is made of it
     slip : bound on the error of `length`, tu
-    length : from the beginning of the interval to its end, tu
+    length : from the beginning of the interval to its end, tu; inf if it has none
     """
 
     start: Floats
@@ -56,11 +56,11 @@ class FirstPhase(NamedTuple):
         space: StateSpace | None = None,
         method: ListingMethod | None = None,
     ) -> FirstPhase:
-        """Compute the first phase of a question about an interval from `after` to `by`, tu."""
+        """Compute the first phase of a question about an interval from `after` to `by`, tu, None for ever."""
         began = time.process_time()
         begins, by = one_time("after", interval[0]), interval[1]
-        ends = begins if by is None else one_time("by", by)
-        if by is None or ends < begins:
+        ends = np.inf if by is None else one_time("by", by)
+        if ends < begins:
             raise ValueError(f"a target after {begins:g} tu also needs a time by which, no earlier; by = {by}")
         stops, chosen = ~allowed_states, method or Transient(max_seconds=allowed(Transient.max_seconds))
         chain = transitions.stopped(stops)
@@ -68,7 +68,8 @@ class FirstPhase(NamedTuple):
         here = np.where(allowed_states & ~truncated, rows[0], 0.0)
         share, lost = float(here.sum()), float(rows[0][allowed_states & truncated].sum())
         length = ends - begins
-        slip = 0.0 if Fraction(ends) - Fraction(begins) == Fraction(length) else 2.0 * ROUNDOFF * length
+        is_exact = by is None or Fraction(ends) - Fraction(begins) == Fraction(length)
+        slip = 0.0 if is_exact else 2.0 * ROUNDOFF * length
         # a sum, a quotient and a product more, each of the states' share
         wrong = 1.001 * (error + ROUNDOFF * (initial.size + 8))
         seconds = time.process_time() - began

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from kinetics.markov.by_state import next_by_state
 from kinetics.markov.chain import Chain, Target, impulse_reward, reward_asked
 from kinetics.markov.checks import Reward, square
 from kinetics.markov.derivatives import (
@@ -22,6 +23,7 @@ from kinetics.markov.derivatives import (
     gradient_at,
     gradient_by_squaring,
     gradient_moment,
+    gradient_next,
     gradient_quantile,
     gradient_sd,
     gradient_steady,
@@ -32,7 +34,7 @@ from kinetics.markov.derivatives.squaring import MAX_SQUARED
 from kinetics.markov.first_phase import FirstPhase
 from kinetics.markov.network_questions import chain_to
 from kinetics.markov.passage.backward import LOST, uniformised
-from kinetics.markov.passage.until import Mask
+from kinetics.markov.passage.until import Mask, rate_reward
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import totals
 from kinetics.markov.transient.uniformisation import STEP_SECONDS
@@ -75,7 +77,7 @@ class Sensitivity:
     def __init__(self, chain: Chain, parameters: Mapping[str, Any] | None = None) -> None:
         chain.check_complete("derivatives")
         transitions, space = chain.transitions, chain.space
-        self._chain, self._start = chain, np.asarray(chain.initial)
+        self.chain, self._start = chain, np.asarray(chain.initial)
         self._shares: Floats | None = None
         self._constants: Floats | None = None
         if parameters is None:
@@ -102,10 +104,10 @@ class Sensitivity:
         self, target: Target, through: Target | None = None, by: float | None = None, after: float = 0.0
     ) -> Derivatives:
         """Derivatives of the answer of `Chain.until`."""
-        goal = self._chain.states(target)
-        ways = np.ones(len(goal), dtype=bool) if through is None else self._chain.states(through, "through")
+        goal = self.chain.states(target)
+        ways = np.ones(len(goal), dtype=bool) if through is None else self.chain.states(through, "through")
         if after:
-            answer = self._chain.until(target, through, by, after=after)
+            answer = self.chain.until(target, through, by, after=after)
             return self._of_interval(answer, goal, goal | ~ways, ways, (after, by))
         if by is None:
             return self._answer(lambda: gradient_until(self._entries, self._start, ways, goal), EQUATIONS)
@@ -113,9 +115,9 @@ class Sensitivity:
 
     def always(self, states: Target, by: float | None = None, after: float = 0.0) -> Derivatives:
         """Derivatives of the answer of `Chain.always`."""
-        kept = self._chain.states(states)
+        kept = self.chain.states(states)
         if after:
-            answer = self._chain.always(states, by, after=after)
+            answer = self.chain.always(states, by, after=after)
             return self._of_interval(answer, kept, ~kept, np.ones_like(kept), (after, by))
         if by is None:
             return self._answer(lambda: gradient_always(self._entries, self._start, kept), EQUATIONS)
@@ -123,28 +125,35 @@ class Sensitivity:
 
     def steady_state(self, states: Target) -> Derivatives:
         """Derivatives of the answer of `Chain.steady_state`."""
-        held = self._chain.states(states).astype(float)
+        held = self.chain.states(states).astype(float)
         return _probability(self._answer(lambda: gradient_steady(self._entries, self._start, held), EQUATIONS))
+
+    def next_jump(self, states: Target) -> Derivatives:
+        """Derivatives of the answer of `next_by_state` from the start."""
+        goal, transitions = self.chain.states(states), self._entries.transitions
+        found = next_by_state(self.chain, goal)
+        hits, answer = goal[transitions.columns].astype(float), found.mean(self._start)
+        return self._answer(lambda: gradient_next(self._entries, self._start, found.value, hits, answer), found.method)
 
     def passage(self, target: Target) -> Derivatives:
         """Derivatives of the mean first-passage time to a target that is certain."""
-        goal = self._chain.states(target)
+        goal = self.chain.states(target)
         ones = np.ones(goal.size)
         return self._answer(lambda: gradient_accumulated(self._entries, self._start, ones, goal), EQUATIONS)
 
     def passage_moment(self, target: Target, order: int) -> Derivatives:
         """Derivatives of the mean of a power of the first-passage time, tu**order, to a target that is certain."""
-        goal, power = self._chain.states(target), whole_number("order", order, 1)
+        goal, power = self.chain.states(target), whole_number("order", order, 1)
         if power > LARGEST_ORDER:
             raise ValueError(f"order = {power}; moments are known up to {LARGEST_ORDER}")
         return self._answer(lambda: gradient_moment(self._entries, self._start, goal, power), EQUATIONS)
 
     def passage_sd(self, target: Target) -> Derivatives:
         """Derivatives of the standard deviation of the first-passage time to a target that is certain."""
-        goal = self._chain.states(target)
+        goal = self.chain.states(target)
 
         def gradient() -> Gradient:
-            found = self._chain.passage(target)
+            found = self.chain.passage(target)
             sd = Answer.within(found.sd, found.sd_error, found.is_bound)
             return gradient_sd(self._entries, self._start, goal, sd)
 
@@ -155,10 +164,10 @@ class Sensitivity:
 
         ValueError: the target is reached with a smaller probability, or too many steps
         """
-        began, goal = time.process_time(), self._chain.states(target)
+        began, goal = time.process_time(), self.chain.states(target)
         if not 0.0 < real_number("q", q) < 1.0:
             raise ValueError(f"q = {q}; expected a probability between 0 and 1")
-        found = self._chain.passage(target)
+        found = self.chain.passage(target)
         (low,), (high,) = found.quantile_bounds([q])
         if not np.isfinite(high):
             raise ValueError(
@@ -177,11 +186,11 @@ class Sensitivity:
 
     def _density(self, goal: Mask, at: float) -> Density:
         """The density of the time to a target at a time, tu, with bounds on its change nearby."""
-        chain = self._chain.transitions.stopped(goal)
+        chain = self.chain.transitions.stopped(goal)
         hits = goal[chain.columns]
         into = totals(chain.rows[hits], chain.rates[hits], goal.size)
         steep = into * chain.exits + totals(chain.rows, chain.rates * into[chain.columns], goal.size)
-        space = stopped_in(self._chain.space, goal)
+        space = stopped_in(self.chain.space, goal)
         found, bend = (mean_at(chain, self._start, values, at, space) for values in (into, steep))
         rounded = ROUNDOFF * (chain.roundings + np.bincount(chain.rows, minlength=1).max() + 2.0)
         density = replace(found, kind=weakest(found, bend)).inflated(rounded)
@@ -200,21 +209,23 @@ class Sensitivity:
         stationary: bool = False,
     ) -> Derivatives:
         """Derivatives of the answer of `Chain.reward`."""
-        given = reward_asked(self._chain, name, at, up_to, until, stationary)
+        given = reward_asked(self.chain, name, at, up_to, until, stationary)
         if given.error:
             found = self._of_reward(given, at, up_to, until)
             return replace(found, is_bound=False)  # the effect of rounding in a reward on differences has no bound
         return self._of_reward(given, at, up_to, until)
 
     def _of_reward(self, given: Reward, at: float | None, up_to: float | None, until: Target | None) -> Derivatives:
-        rewards, impulses = np.asarray(given.rates), impulse_reward(self._chain, given)
+        rewards, impulses = np.asarray(given.rates), impulse_reward(self.chain, given)
         if at is not None:
             return self.means(rewards[None, :], at)[0]
-        if up_to is not None:
+        if up_to == np.inf:
+            until = self.chain.exhausted(rate_reward(self.chain.transitions, rewards, impulses)[0])
+        elif up_to is not None:
             end = one_time("up_to", up_to)
             return self._answer(lambda: gradient_up_to(self._entries, self._start, rewards, end, impulses), ADJOINT)
         if until is not None:
-            goal = self._chain.states(until)
+            goal = self.chain.states(until)
             return self._answer(
                 lambda: gradient_accumulated(self._entries, self._start, rewards, goal, impulses), EQUATIONS
             )
@@ -237,7 +248,9 @@ class Sensitivity:
 
         p is the distribution at its beginning, u the probability from each state there: two adjoint passes, one each.
         """
-        began, chain = time.process_time(), self._chain
+        if interval[1] is None:
+            raise ValueError("an interval without end has no derivatives here; ask for one up to a time, as in F[2,5]")
+        began, chain = time.process_time(), self.chain
         truncated = np.zeros_like(ways)
         first = FirstPhase.of(chain.transitions, self._start, ways, truncated, interval, chain.space)
         stopped = chain.transitions.stopped(stops)
@@ -258,10 +271,10 @@ class Sensitivity:
         # A firing changes the mean by at most twice the error. With `square`, the mean square of the values, the
         # Cauchy-Schwarz inequality gives the square root of the mean squared score of a path instead: see `at_a_time`.
         rows, channels = self._entries.transitions.rows, self._entries.channels
-        places, inverse = np.unique(channels * len(self._chain) + rows, return_inverse=True)
+        places, inverse = np.unique(channels * len(self.chain) + rows, return_inverse=True)
         fastest = np.zeros(self._entries.n_channels)
         leaving = totals(inverse, self._entries.transitions.rates, places.size)
-        np.maximum.at(fastest, places // len(self._chain), leaving)
+        np.maximum.at(fastest, places // len(self.chain), leaving)
         found = 2.0 * error * fastest * time
         if square is not None:
             found = np.minimum(found, error * np.sqrt(fastest * time * square))
@@ -276,15 +289,15 @@ class Sensitivity:
         start: Floats | None = None,
     ) -> list[Derivatives]:
         """Gradients of means at a time, of the stopped chain, from another start (N,) if one is given."""
-        end, entries, space = one_time("time", at), self._entries, self._chain.space
+        end, entries, space = one_time("time", at), self._entries, self.chain.space
         start = self._start if start is None else start
         if stops is not None:
             entries = entries._replace(transitions=entries.transitions.stopped(stops))
             space = stopped_in(space, stops)
         steps = steps_to(entries.transitions, start, values.sum(axis=0), end)
-        if len(self._chain) <= MAX_SQUARED and steps > FEW_STEPS:
+        if len(self.chain) <= MAX_SQUARED and steps > FEW_STEPS:
             return self._answers(lambda: gradient_by_squaring(entries, start, values, end, space), SQUARING)
-        seconds = steps * STEP_SECONDS * (entries.transitions.rates.size + len(self._chain)) * (1 + 3 * len(values))
+        seconds = steps * STEP_SECONDS * (entries.transitions.rates.size + len(self.chain)) * (1 + 3 * len(values))
         most = allowed(MAX_SECONDS) if max_seconds is None else max_seconds
         if seconds > most:
             raise ValueError(
@@ -292,7 +305,7 @@ class Sensitivity:
                 f"{seconds:.3g} s; {limit_in_words(most)}; raise it, ask for an earlier time, or start from fewer "
                 f"copies"
             )
-        forecast(seconds, f"derivatives by {rough(steps)} steps over {len(self._chain)} states")
+        forecast(seconds, f"derivatives by {rough(steps)} steps over {len(self.chain)} states")
         return self._answers(lambda: gradient_at(entries, start, values, end), ADJOINT)
 
     def _answer(self, question: Callable[[], Gradient], method: str) -> Derivatives:

@@ -1,15 +1,17 @@
-"""`Answer`: a value with its bounds, their kind, the method and the CPU time."""
+"""`Answer`: a value with its bounds, their kind, the method and the CPU time; `TruthValue`, a true or false one."""
 
 from __future__ import annotations
 
 import html
 import math
 from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 from kinetics.support.tables import figure
 
 PROVEN, ESTIMATE, CONFIDENCE, NONE = KINDS = ("proven", "estimate", "95 % confidence", "none")
+UNDECIDED = "not decided within the bound"
 LOPSIDED = 100.0  # times as wide on the upper side as on the lower: the value says little, and both bounds are shown
 CLOSE = 1e-5  # relative width of bounds that agree in all digits that a table shows
 
@@ -99,6 +101,85 @@ class Answer:
 
     def _repr_html_(self) -> str:
         return f"<p>{html.escape(str(self))}</p>"
+
+
+@dataclass(frozen=True)
+class TruthValue(Answer):
+    """An answer that is true (1) or false (0), or not decided within the bound (nan, between 0 and 1).
+
+    As a condition of Python it is True or False; a ValueError if it is not decided.
+
+    >>> from kinetics import Chain
+    >>> from kinetics.markov import ask
+    >>> pump = Chain([[0.0, 0.1], [2.0, 0.0]], initial=0, labels={"down": [False, True]})
+    >>> found = ask(pump, 'P>=0.5 [ F<=10 "down" ]')
+    >>> found.holds, found.value, found.why
+    (True, 1.0, '0.632120558829 >= 0.5')
+    """
+
+    @classmethod
+    def of(cls, answer: Answer, sign: str, limit: str) -> TruthValue:
+        """Whether an answer is on one side of a limit, with both of its bounds; sign : <, <=, > or >=.
+
+        limit : a number as text, taken exactly
+        """
+        if answer.kind == NONE:
+            return cls.undecided(answer.why, answer)
+        above, below = beyond(answer.low, answer.high, sign, limit)
+        if above == below:
+            told = f"{answer.value:.12g} lies between {answer.low:.17g} and {answer.high:.17g}"
+            return cls.undecided(f"{told}, which does not decide {sign} {limit}", answer)
+        shown = f"{answer.value:.12g} {sign} {limit}"
+        return cls.sure(bool(above), replace(answer, why=shown if above else f"not {shown}"))
+
+    @classmethod
+    def sure(cls, holds: bool, answer: Answer) -> TruthValue:
+        """True or false, by the kind, method and reason of an answer."""
+        value = float(holds)
+        return cls(value, value, value, answer.kind, answer.method, answer.cpu_seconds, answer.why)
+
+    @classmethod
+    def undecided(cls, why: str, answer: Answer) -> TruthValue:
+        """Not decided within the bound, and why, by the method of an answer."""
+        told = why if why.startswith(UNDECIDED) else f"{UNDECIDED}: {why}"
+        return cls(math.nan, 0.0, 1.0, NONE, answer.method, answer.cpu_seconds, told)
+
+    @property
+    def holds(self) -> bool | None:
+        """True or false; None if that is not decided."""
+        return None if self.kind == NONE else self.value == 1.0
+
+    def __bool__(self) -> bool:
+        if self.holds is None:
+            raise ValueError(self.why)
+        return self.holds
+
+    def __str__(self) -> str:
+        if self.holds is None:
+            return self.why
+        return f"{str(self.holds).lower()} ({'; '.join(filter(None, [self.why, self.kind, self.method]))})"
+
+
+def beyond(low: Any, high: Any, sign: str, limit: str) -> tuple[Any, Any]:
+    """Whether what lies between bounds certainly holds to a sign and a limit, and whether it certainly does not.
+
+    low, high : numbers, or arrays of them; limit : a number as text, which may be no double
+    """
+    exact = Fraction(limit)
+    nearest = float(exact)
+    # Of doubles, x >= limit is x >= the next double at or above it, and x > limit is x > the one at or below it.
+    upper = nearest if Fraction(nearest) >= exact else math.nextafter(nearest, math.inf)
+    lower = nearest if Fraction(nearest) <= exact else math.nextafter(nearest, -math.inf)
+    match sign:
+        case ">=":
+            return low >= upper, high < upper
+        case "<":
+            return high < upper, low >= upper
+        case ">":
+            return low > lower, high <= lower
+        case "<=":
+            return high <= lower, low > lower
+    raise ValueError(f"{sign!r}; expected <, <=, > or >=")
 
 
 def kind_of(is_bound: bool) -> str:

@@ -9,6 +9,7 @@ from kinetics.markov.derivatives.eventually import (
     gradient_until,
 )
 from kinetics.markov.derivatives.gradient import ChannelEntries, Gradient
+from kinetics.markov.derivatives.next_jump import gradient_next
 from kinetics.markov.derivatives.passage_times import (
     LARGEST_ORDER,
     Density,
@@ -31,6 +32,7 @@ __all__ = [
     "gradient_at",
     "gradient_by_squaring",
     "gradient_moment",
+    "gradient_next",
     "gradient_quantile",
     "gradient_sd",
     "gradient_steady",

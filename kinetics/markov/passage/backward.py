@@ -27,6 +27,7 @@ from kinetics.support.tables import rough
 
 LEFT_OUT = 1e-302  # of the Poisson probability: what is smaller is not known relatively
 LOST = 1e-300  # by this and by underflow together, of the largest value
+BACKWARD_LOST = 2.0 * LOST  # of one pass from every state
 SPARE = 1.0 + 2.0**-5  # q over the largest exit rate, so that something stays everywhere and its rounding is small
 LOOK = 16  # steps between two looks at whether more of them matter, at first
 
@@ -51,12 +52,19 @@ def expected_integral(transitions: Transitions, start: Floats, values: Floats, t
 
 
 def uniformised(
-    transitions: Transitions, vector: Floats, times: Sequence[float], *, is_backwards: bool, left_out: float = LEFT_OUT
+    transitions: Transitions,
+    vector: Floats,
+    times: Sequence[float],
+    *,
+    is_backwards: bool,
+    left_out: float = LEFT_OUT,
+    integrates: bool = False,
 ) -> tuple[Floats, float]:
     """Vectors (T, N) at rising times, tu, from one (N,) between 0 and 1, and their relative error.
 
     is_backwards : the mean of a function at that time from every state; else the probability of every state
     left_out : of the Poisson probability of more steps, which is beyond that error, as are numbers below 1e-300
+    integrates : the integral of these from 0 to each time, of which 1e-300 times the time may be left out
 
     ValueError: too many steps
     """
@@ -67,7 +75,8 @@ def uniformised(
             f"the chain is too stiff: {steps:.3g} steps from one time to one {last:g} tu away, at most {MAX_STEPS}"
         )
     if last == 0.0 or not transitions.rates.any():
-        return np.tile(vector, (len(times), 1)), 0.0
+        found = np.tile(vector, (len(times), 1))
+        return (found * np.asarray(times)[:, None], ROUNDOFF) if integrates else (found, 0.0)
     forecast(steps * STEP_SECONDS * (vector.size + transitions.rates.size), f"{rough(steps)} steps")
     moves, stays, roundings = one_step(transitions)
     windows = [poisson_window(jump_rate(transitions) * time, left_out) for time in times]
@@ -75,14 +84,18 @@ def uniformised(
     n_steps = first + weights.size
     shares = np.zeros((len(times), n_steps))
     for row, (begin, window) in zip(shares, windows, strict=True):
-        row[begin : begin + window.size] = window
+        row[begin : begin + window.size] = sums_after(window) if integrates else window
+        row[:begin] = 1.0 if integrates else 0.0
+    if integrates:  # of the number of steps N: P(N > n) / q, as in `BackwardPass.integral`
+        shares /= jump_rate(transitions)
     found = twins.summed_steps(moves if is_backwards else moves.T.tocsr(), stays, shares, vector)
     if not is_backwards:
         # forwards, a state adds up what all others bring: as many products as lead to it
         roundings += 2.0 * (int(np.bincount(transitions.columns, minlength=1).max()) + 2.0)
     # as in `BackwardPass`: each step rounds, rates are wrong in jumps and waits, and weights are added up
     jumps = n_steps + float(transitions.exits.max()) * last
-    relative = n_steps * roundings + jumps * (transitions.roundings + 1.0) + 2.0 * weights.size + 4.0
+    added = 2.0 * weights.size + (n_steps + 4.0 if integrates else 0.0)
+    relative = n_steps * roundings + jumps * (transitions.roundings + 1.0) + added + 4.0
     wrong = np.expm1(ROUNDOFF * relative)
     means = [jump_rate(transitions) * time for time in times]
     wrong += max(

@@ -12,6 +12,7 @@ from kinetics.markov.passage.certified import BoundedSolution, Equations, leavin
 from kinetics.markov.passage.elimination import mean_over
 from kinetics.markov.passage.equations import equations
 from kinetics.markov.passage.first_passage import Passage
+from kinetics.markov.passage.until import InfiniteMeanError
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import Transitions, totals
 from kinetics.support.arrays import Floats, Ints
@@ -42,16 +43,47 @@ def passage_to(
     )
 
 
+def variance_until(
+    transitions: Transitions, start: Floats, rates: Floats, is_target: NDArray[np.bool_]
+) -> tuple[float, float]:
+    """Variance of a reward at `rates` (N,), in 1/tu, until target states (N,) that are certain; its relative error.
+
+    ValueError: the target may never be reached, so that there is none
+    """
+    chain, begins = _lumped(transitions, is_target, start)
+    if not begins[:-1].any():
+        return 0.0, 0.0
+    inner = _inner(chain, begins)
+    if not inner.is_certain:
+        raise InfiniteMeanError(
+            "the target may never be reached, so the reward until then has no finite variance; ask for a target that "
+            "is certain"
+        )
+    rewards = rates[~is_target][inner.places]
+    if not rewards.any():
+        return 0.0, 0.0
+    chances = equations(inner.rows, inner.columns, inner.rates, inner.hits, transitions.roundings)
+    means = _checked(chances.solved(rewards), inner.first)
+    return _variance(chances, inner, float(begins[-1]), means, rewards)
+
+
 def _sd(chances: Equations, inner: _Inner, there: float, means: BoundedSolution) -> tuple[float, float]:
     """Standard deviation and its relative error; there : probability of beginning in the target."""
-    variances, doubt = _variances(chances, inner, means)
+    variance, error = _variance(chances, inner, there, means, np.ones(inner.first.size))
+    # Half the relative error of the variance, and that of a root.
+    return float(np.sqrt(variance)), 0.5 * error + ROUNDOFF
+
+
+def _variance(
+    chances: Equations, inner: _Inner, there: float, means: BoundedSolution, rewards: Floats
+) -> tuple[float, float]:
+    """Variance of what accumulates at rates (n,) until the target, and its relative error."""
+    variances, doubt = _variances(chances, inner, means, rewards)
     spread, more = _spread(inner.first, there, means)
     within, wrong = variances.mean(inner.first)
     variance = within + spread
     terms = 8.0 + chances.given + int(np.count_nonzero(inner.first))
-    slack = 1.01 * ((mean_over(inner.first, doubt) + more) / variance + terms * ROUNDOFF)
-    # Half the relative error of the variance, and that of a root.
-    return float(np.sqrt(variance)), 0.5 * (wrong + slack) + ROUNDOFF
+    return variance, wrong + 1.01 * ((mean_over(inner.first, doubt) + more) / variance + terms * ROUNDOFF)
 
 
 class _Inner(NamedTuple):
@@ -59,6 +91,7 @@ class _Inner(NamedTuple):
 
     rows, columns, rates : (K,) jumps among them; hits, losses : (n,) 1/tu, into the target, and to where it is lost
     first : (n,) initial probabilities; is_certain : true if the target is reached with probability 1
+    places : (n,) of these states in the chain
     """
 
     rows: Ints
@@ -68,6 +101,7 @@ class _Inner(NamedTuple):
     losses: Floats
     first: Floats
     is_certain: bool
+    places: Ints
 
 
 def _inner(chain: Transitions, begins: Floats) -> _Inner:
@@ -81,23 +115,24 @@ def _inner(chain: Transitions, begins: Floats) -> _Inner:
     inside, hit, missed = here & transient[columns], here & is_last[columns], here & ~coreachable[columns]
     hits, losses = (leaving_rates(place[rows[out]], rates[out], n) for out in (hit, missed))
     is_certain = not (losses.any() or begins[~coreachable].any())
-    return _Inner(
-        place[rows[inside]], place[columns[inside]], rates[inside], hits, losses, begins[transient], is_certain
-    )
+    entries = place[rows[inside]], place[columns[inside]], rates[inside]
+    return _Inner(*entries, hits, losses, begins[transient], is_certain, np.flatnonzero(transient))
 
 
-def _variances(chain: Equations, inner: _Inner, means: BoundedSolution) -> tuple[BoundedSolution, Floats]:
-    """Variances (n,) of the time from each state, and bounds on what errors of the means add to them.
+def _variances(
+    chain: Equations, inner: _Inner, means: BoundedSolution, rewards: Floats
+) -> tuple[BoundedSolution, Floats]:
+    """Variances (n,) of what accumulates at rates (n,) from each state, and bounds on what errors of the means add.
 
     By the law of total variance, as a sum of squares without cancellation between its terms.
     """
     rows, columns, rates, hits, *_ = inner
     mean, each = means
     exits = totals(rows, rates, mean.size) + hits
-    onward = mean - 1.0 / exits
+    onward = mean - rewards / exits  # what is left after the wait in the state, whose reward has the variance (r/q)**2
     gaps = mean[columns] - onward[rows]
     spread = totals(rows, rates * gaps**2, mean.size) + hits * onward**2
-    variance = chain.solved(1.0 / exits + spread)
+    variance = chain.solved(rewards**2 / exits + spread)
     # a mean wait is as wrong as the rates and their sum
     roundings = chain.given + 8.0
     wrong = each[columns] + each[rows] + roundings * ROUNDOFF * (mean[columns] + mean[rows])

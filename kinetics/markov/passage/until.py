@@ -21,6 +21,10 @@ CERTAIN = Answer(1.0, 1.0, 1.0)
 IMPOSSIBLE = Answer(0.0, 0.0, 0.0)
 
 
+class InfiniteMeanError(ValueError):
+    """A reward has no finite mean, because it may accumulate for ever."""
+
+
 class Solved(NamedTuple):
     """The accumulated reward, or the chance of an end, from every transient state.
 
@@ -102,7 +106,7 @@ def accumulated_until(transitions: Transitions, start: Floats, rates: Floats, ta
     coreachable, reachable = chain.leading_to(target), chain.reached_from(start > 0)
     if not coreachable[reachable].all():
         chance = until(transitions, start, np.ones_like(target), target).found.value
-        raise ValueError(
+        raise InfiniteMeanError(
             f"the target is reached with probability {chance:.6g} only, so the reward until then has no finite "
             f"mean; ask "
             f"for the reward up to a time, or for a target that is certain"

@@ -116,6 +116,5 @@ def test_the_bounds_of_a_truncated_chain_hold_whatever_happens_outside():
 
 def test_what_has_no_answer():
     chain = Chain.of(Network.from_text("A -> 0, 0.7"), {"A": 1})
-    for by in (None, 1.0):
-        with pytest.raises(ValueError, match="needs a time by which"):
-            chain.until("A == 0", by=by, after=2.0)
+    with pytest.raises(ValueError, match="needs a time by which"):
+        chain.until("A == 0", by=1.0, after=2.0)
