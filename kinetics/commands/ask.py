@@ -12,6 +12,7 @@ from kinetics.commands.models import applied, described, instead_of_many_states
 from kinetics.markov import Sensitivity, prism_text, write_explicit
 from kinetics.markov.questions import parse
 from kinetics.markov.settling import answering_chains
+from kinetics.support.answer import TruthValue
 from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.options import (
     HeadedCommand,
@@ -82,8 +83,10 @@ def ask(
 
     NETWORK is a rule book, which needs --rates and --cubes, a network file that contains both, or a .tra file as PRISM
     and Storm write it. A QUESTION is one of theirs, such as 'P=? [ F<=100 quadmer >= 1 ]', 'P=? [ a > 0 U b = 3 ]',
-    'S=? [ monomer < 5 ]' or 'R{"quadmer"}=? [ I=100 ]'; F, U and G take time bounds <=t and [a,b], R takes I=t, C<=t,
-    F and S. Species count as variables and as rewards. Times are in tu.
+    'S=? [ monomer < 5 ]' or 'R{"quadmer"}=? [ I=100 ]'; F, U and G take time bounds <=t, >=t and [a,b], R takes I=t,
+    C<=t, C, F and S. 'P>=0.9 [ F<=100 quadmer >= 1 ]' is true, false, or not decided within the bound, and may stand in
+    a condition. There are X, F || F, R[var], quantile(...) and filter(...), too. Species count as variables and as
+    rewards. Times are in tu.
 
     For F, G and U, states are explored only until the answer is settled. If that still leaves infinitely many,
     --truncate truncates the chain; the bounds hold for any behaviour outside.
@@ -128,7 +131,7 @@ def ask(
     answers = [(text, *found[place]) for place, text in enumerate(questions)]
     if as_json:
         listed = [
-            {"question": text, **answer.to_dict(), "sensitivity": slope and slope.to_dict()}
+            {"question": text, **answer.to_dict(), **_truth(answer), "sensitivity": slope and slope.to_dict()}
             for text, answer, slope in answers
         ]
         echo_json({"model": asked.source, "states": states, "rates": rates, "answers": listed})
@@ -139,6 +142,11 @@ def ask(
             click.echo(f"{slope}\n")
     if out_file:
         click.echo(f"wrote {out_file}: {states} states, {rates} rates")
+
+
+def _truth(answer: Answer) -> dict[str, bool | None]:
+    """Whether an answer that is true or false is true; null if it is not decided within the bound."""
+    return {"holds": answer.holds} if isinstance(answer, TruthValue) else {}
 
 
 def _from_files(path: str, given: dict[str, Any]) -> Chain:

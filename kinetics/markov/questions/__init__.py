@@ -1,14 +1,23 @@
 """Questions to a chain as text, in the notation of PRISM and Storm: `P=? [ F<=100 quadmer >= 1 ]`.
 
-    P=? [ F phi ]  P=? [ G phi ]  P=? [ phi U psi ]    each also with a time bound: F<=100, F[20,100]
+    P=? [ F phi ]  P=? [ G phi ]  P=? [ phi U psi ]    each also with a time bound: F<=100, F>=20, F[20,100]
+    P=? [ X phi ]                                       the next jump leads to phi
+    P=? [ F phi || F psi ]                              phi, given psi; each also up to a time
     S=? [ phi ]                                         after infinite time
-    R{"name"}=? [ I=t ]  [ C<=t ]  [ F phi ]  [ S ]     rate at a time, total up to t or until phi, steady rate
-    E[name] @ t                                         the first of these for short: the mean of a count at a time
+    R{"name"}=? [ I=t ]  [ S ]                          rate at a time, steady rate
+    R{"name"}=? [ C<=t ]  [ C ]  [ F phi ]              total up to a time, of all time, until phi
+    R[var]{"name"}=? [ I=t ]  [ F phi ]                 variance of a rate at a time, or of a total until phi
+    E[name] @ t                                         the mean of a count at a time, for short
     R{"time"}=? [ F phi ]                               mean time until phi
+    quantile(min T, P>=0.9 [ F<=T phi ])                the time by which phi is reached with a probability
+    P>=p [ ... ]  S>=p [ ... ]  R{"name"}>=x [ ... ]    true, false, or not decided within the bound; also <, <=, >
+    filter(op, question, phi)                           min, max, avg, sum, argmin, argmax, count, forall, exists,
+                                                        state or first of the answers from the states in phi
 
-phi and psi are conditions on counts and labels: see `network.predicates`. The words F, G, U, I, C and S stand for
-themselves only if these forms have them; a species with such a name is quoted: F "S" >= 1. A kind of question is a
-file, imported here: see `Question`.
+phi and psi are conditions on counts and labels (see `network.predicates`), and may hold questions that are true or
+false: `P=? [ F<=5 x > 1 & R{"time"}<3 [ F "done" ] ]`. The words F, U, G, I, C and S stand for themselves only if these
+forms have them; a species with such a name is quoted: F "S" >= 1. X is a species if a sign follows. A kind of question
+is a file, imported here: see `Question`.
 """
 
 # ruff: noqa: I001 - the imports of questions are the list, in the order in which they read a text
@@ -17,7 +26,7 @@ from __future__ import annotations
 
 from kinetics.markov.chain import Chain
 from kinetics.markov.questions.base import Question
-from kinetics.markov.questions.reader import framed
+from kinetics.markov.questions.reader import Cursor
 from kinetics.network.laws.reading import shortened
 from kinetics.support.answer import Answer
 from kinetics.support.families import members
@@ -27,6 +36,12 @@ from kinetics.markov.questions.until import UntilQuestion as UntilQuestion
 from kinetics.markov.questions.always import AlwaysQuestion as AlwaysQuestion
 from kinetics.markov.questions.steady_state import SteadyStateQuestion as SteadyStateQuestion
 from kinetics.markov.questions.reward import RewardQuestion as RewardQuestion
+from kinetics.markov.questions.next import NextQuestion as NextQuestion
+from kinetics.markov.questions.conditional import ConditionalQuestion as ConditionalQuestion
+from kinetics.markov.questions.variance import VarianceQuestion as VarianceQuestion
+from kinetics.markov.questions.quantile import QuantileQuestion as QuantileQuestion
+from kinetics.markov.questions.comparison import ComparisonQuestion as ComparisonQuestion
+from kinetics.markov.questions.filter import FilterQuestion as FilterQuestion
 
 QUESTIONS: tuple[type[Question], ...] = members(globals(), Question)
 
@@ -36,7 +51,8 @@ __all__ = ["QUESTIONS", "Question", "ask", "parse"]
 def ask(chain: Chain, question: str) -> Answer:
     """The answer of a chain to a question as text; a ValueError if it cannot be read or has no finite answer.
 
-    question : in the notation of PRISM and Storm, such as `P=? [ F<=100 A >= 1 ]`, with `U`, `G`, `S=?` and `R=?` too
+    question : in the notation of PRISM and Storm, such as `P=? [ F<=100 A >= 1 ]`; the forms are listed in
+        `kinetics.markov.questions`. One that is true or false gives a `TruthValue`
 
     >>> from kinetics import Chain, Network
     >>> from kinetics.markov import ask
@@ -50,20 +66,20 @@ def ask(chain: Chain, question: str) -> Answer:
 
 
 def parse(question: str) -> Question:
-    """The question that a text asks; conditions in it are read when they meet a chain, which has their names.
+    """The question that a text asks; conditions in it are held against names when they meet a chain, which has these.
+
+    ValueError: it cannot be read, with the column at which it goes wrong
 
     >>> from kinetics.markov.questions import parse
     >>> parse("P=? [ G<=7 A < 3 ]").conditions
     ('A < 3',)
     """
-    forms = [form for kind in QUESTIONS for form in kind.forms]
-    expected = f"expected {', '.join(forms[:-1])} or {forms[-1]}"
-    asked = framed(question, expected)
-    try:
-        for kind in QUESTIONS:
-            found = kind.read(asked)
-            if found is not None:
-                return found
-    except ValueError as error:
-        raise ValueError(f"cannot read the question {shortened(question)!r}: {error}") from None
-    raise ValueError(f"cannot read the question {shortened(question)!r}; {expected}")
+    text = Cursor(question, QUESTIONS)
+    found: Question | None = text.question()
+    if found is None:
+        forms = [form for kind in QUESTIONS for form in kind.forms]
+        expected = f"expected {', '.join(forms[:-1])} or {forms[-1]}"
+        raise ValueError(f"cannot read the question {shortened(question)!r}; {expected}")
+    if text.here.kind != "end":
+        text.fail(f"{text.here.text!r} comes behind the question")
+    return found

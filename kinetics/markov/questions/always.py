@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from kinetics.markov.by_state import StateAnswers, always_by_state
 from kinetics.markov.chain import Chain
 from kinetics.markov.derivatives import Derivatives
-from kinetics.markov.questions.base import Along, Decided, Question, Settled
-from kinetics.markov.questions.reader import Bounded, Framed
+from kinetics.markov.questions.base import Along, Decided, Question, Settled, settled_by
+from kinetics.markov.questions.formula import Mask, StateFormula
+from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
 from kinetics.network import Model
 from kinetics.network.predicates import Condition
@@ -28,45 +30,50 @@ class AlwaysQuestion(Question):
     forms: ClassVar = ("P=? [ G phi ]",)
     examples: ClassVar = ("P=? [ G[0.1,0.2] A >= 2 ]", "P=? [ G<=0.2 A >= 2 ]", "P=? [ G both = 3 ]")
 
-    states: str
+    states: StateFormula
     by: float | None = None
     after: float = 0.0
 
     @classmethod
-    def read(cls, asked: Framed) -> AlwaysQuestion | None:
-        """Read a text that begins with G."""
-        if asked.letter != "P" or not asked.begins_with("G"):
+    def read(cls, text: Cursor) -> AlwaysQuestion | None:
+        """Read a P with G."""
+        path = text.path() if text.operator("P") else None
+        if path is None or path.word != "G" or text.sees("||"):
             return None
-        after, by, states = Bounded.of(asked.inner[1:])
-        return cls(states, by, after)
+        text.expect("]")
+        return cls(path.target, path.by, path.after)
 
     def value(self, chain: Chain) -> Answer:
         """The probability, as `Chain.always` gives it."""
-        return chain.always(self.states, self.by, after=self.after)
+        return chain.always(self.states.states(chain), self.by, after=self.after)
+
+    def by_state(self, chain: Chain, _: Mask) -> StateAnswers:
+        """The probability from every state."""
+        return always_by_state(chain, self.states.states(chain), self.by, self.after)
 
     def derivatives(self, sensitivity: Sensitivity) -> Derivatives:
         """The derivatives, as `Sensitivity.always` gives them."""
-        return sensitivity.always(self.states, self.by, self.after)
+        return sensitivity.always(self.states.states(sensitivity.chain), self.by, self.after)
 
     @property
-    def conditions(self) -> tuple[str, ...]:
+    def conditions(self) -> tuple[StateFormula, ...]:
         """The states that must not be left."""
         return (self.states,)
 
     @property
     def settled(self) -> Settled | None:
         """The answer is decided outside of the states, if these count from the start."""
-        return None if self.after else Settled(None, self.states)
+        return None if self.after else settled_by(None, self.states)
 
     @property
     def sampling(self) -> Decided | Along | None:
         """A run ends where it leaves the states, and counts if it does not."""
-        if self.by is None:
+        if self.by is None or self.states.nested:
             return None
         if self.after:
             return Along(self.by, None, self._stays)
-        return Decided(self.by, f"!({self.states})", lambda _, stopped, __: (~stopped).astype(float))
+        return Decided(self.by, f"!({self.states.text})", lambda _, stopped, __: (~stopped).astype(float))
 
     def _stays(self, model: Model, _: Floats, left: Floats, states: Ints) -> float:
         """1 if a run is in the states all the interval long."""
-        return float((Condition(self.states, model).holds(states) | (left < self.after)).all())
+        return float((Condition(self.states.text, model).holds(states) | (left < self.after)).all())

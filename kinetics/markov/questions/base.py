@@ -9,9 +9,11 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from kinetics.markov.by_state import StateAnswers, from_each
 from kinetics.markov.chain import Chain
 from kinetics.markov.derivatives import Derivatives
-from kinetics.markov.questions.reader import Framed
+from kinetics.markov.questions.formula import Mask, StateFormula, Truths
+from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
 from kinetics.network import Model
 from kinetics.network.predicates import StateNames, names_in, state_names
@@ -80,11 +82,13 @@ class Question(ABC):
 
     1. In a file of its own, write the class. Give it `forms`, as errors list them, and `examples`, which the contract
        asks of the network `A <-> B` with observable `both`.
-    2. Write `read`, by what `kinetics.markov.questions.reader` has for time bounds and conditions.
-    3. Write `value` and `derivatives`, with bounds, and `conditions`.
-    4. Write `settled` if some states decide the answer, so that the chain can stop there, and `sampling` if runs of
-       finite length can answer.
-    5. Import it in `kinetics.markov.questions`, which adds it to `QUESTIONS`. `ask`, `scan` and the contract in
+    2. Write `read`, by what the `Cursor` of `kinetics.markov.questions.reader` has for operators, paths, time bounds
+       and conditions.
+    3. Write `value` with bounds, and `conditions`. Write `derivatives` if there are any.
+    4. Write `by_state` if one solution gives the answers from all states; else each state is asked on its own.
+    5. Write `settled` if some states decide the answer, so that the chain can stop there, and `sampling` if runs of
+       finite length can answer; else `unsampled`.
+    6. Import it in `kinetics.markov.questions`, which adds it to `QUESTIONS`. `ask`, `scan` and the contract in
        tests/contracts/test_questions.py read that tuple.
 
     >>> from kinetics.markov.questions import QUESTIONS
@@ -97,20 +101,33 @@ class Question(ABC):
 
     @classmethod
     @abstractmethod
-    def read(cls, asked: Framed) -> Self | None:
-        """The question of a text; None if it is of another kind, a ValueError if it is of this one but wrong."""
+    def read(cls, text: Cursor) -> Self | None:
+        """The question that comes next in a text; None if it is of another kind, a ValueError if of this but wrong."""
 
     @abstractmethod
     def value(self, chain: Chain) -> Answer:
         """The answer of a chain, with its bounds."""
 
-    @abstractmethod
-    def derivatives(self, sensitivity: Sensitivity) -> Derivatives:
-        """The derivatives of the answer by the rate constants, with bounds."""
+    def derivatives(self, sensitivity: Sensitivity) -> Derivatives:  # noqa: ARG002 - there are none by default
+        """The derivatives of the answer by the rate constants, with bounds; a ValueError if there are none."""
+        raise ValueError(f"there are no derivatives of {self.forms[0]}; ask for its value alone")
+
+    def by_state(self, chain: Chain, among: Mask) -> StateAnswers:
+        """The answers from every state, at least those among given ones (N,)."""
+        return from_each(chain, among, self.value)
+
+    def truths(self, chain: Chain) -> Truths:  # noqa: ARG002 - a number has none
+        """Where the answer is certainly true, and where it may be; a ValueError if it is a number."""
+        raise ValueError(f"{self.forms[0]} is not true or false in each state")
+
+    @property
+    def is_truth(self) -> bool:
+        """Whether the answer is true or false."""
+        return False
 
     @property
     @abstractmethod
-    def conditions(self) -> tuple[str, ...]:
+    def conditions(self) -> tuple[StateFormula, ...]:
         """The conditions on states that it names."""
 
     @property
@@ -128,8 +145,27 @@ class Question(ABC):
         """How runs of finite length answer the question; None if they cannot."""
         return None
 
+    @property
+    def unsampled(self) -> str:
+        """Why runs cannot answer, where `sampling` is None."""
+        if any(formula.nested for formula in self.conditions):
+            return "the question inside it has no answer by runs; allow more states"
+        return "it has no time bound; give one, as in F<=100 or C<=100, or allow more states"
+
+    def concluded(self, answer: Answer) -> Answer:
+        """What the sampled answer of what is measured says about the question."""
+        return answer
+
     def check(self, model: Model) -> None:
         """Raise a ValueError if a condition names something that the model does not have."""
         names = state_names(model, np.asarray(model.initial)[np.newaxis])
-        for condition in self.conditions:
-            names.holds(condition)
+        for formula in self.conditions:
+            formula.check(model, names)
+
+
+def settled_by(target: StateFormula | None, through: StateFormula | None) -> Settled | None:
+    """Where an answer is decided; None if a condition asks a question, which needs the states behind."""
+    formulas = [formula for formula in (target, through) if formula is not None]
+    if any(formula.nested for formula in formulas):
+        return None
+    return Settled(*(None if formula is None else formula.text for formula in (target, through)))

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from kinetics.markov.chain import Chain
+from kinetics.markov.by_state import StateAnswers, reward_by_state
+from kinetics.markov.chain import Chain, Target
 from kinetics.markov.derivatives import Derivatives
 from kinetics.markov.observing import reward_rates
-from kinetics.markov.questions.base import MEAN, TIME, Along, AtTime, Question, Settled
-from kinetics.markov.questions.reader import Bounded, Framed, one_bound, time_of
+from kinetics.markov.questions.base import MEAN, TIME, Along, AtTime, Question, Settled, settled_by
+from kinetics.markov.questions.formula import Mask, StateFormula
+from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
 from kinetics.network import Model
 from kinetics.support.answer import Answer
@@ -22,46 +25,67 @@ from kinetics.support.arrays import Floats, Ints
 class RewardQuestion(Question):
     """R{"name"}=? [ ... ]: its rate `at` a time, its total `up_to` a time or `until` a target; else its steady rate.
 
+    up_to : inf for the total of all time
+
     >>> from kinetics.markov.questions import parse
     >>> parse("E[AB] @ 100")
     RewardQuestion(name='AB', at=100.0, up_to=None, until=None)
     """
 
-    forms: ClassVar = ('R{"name"}=? [ I=t | C<=t | F phi | S ]', "E[name] @ t")
+    forms: ClassVar = ('R{"name"}=? [ I=t | C<=t | C | F phi | S ]', "E[name] @ t")
     examples: ClassVar = (
         'R{"B"}=? [ I=0.3 ]',
         'R{"both"}=? [ C<=0.3 ]',
         'R{"time"}=? [ F B >= 2 ]',
         'R{"A"}=? [ S ]',
+        'R{"time"}=? [ F P<0.5 [ F<=0.2 B >= 2 ] ]',
         "E[A] @ 0.2",
     )
 
     name: str | None = None
     at: float | None = None
     up_to: float | None = None
-    until: str | None = None
+    until: StateFormula | None = None
 
     @classmethod
-    def read(cls, asked: Framed) -> RewardQuestion | None:
-        """One of the words I, C, F and S behind R, or a name and a time behind E."""
-        if asked.letter == "E":
-            if not asked.name or not asked.inner:
-                raise ValueError("expected E[name] @ t, as in E[AB] @ 100")
-            return cls(asked.name, at=time_of(asked.inner))
-        if asked.letter != "R":
+    def read(cls, text: Cursor) -> RewardQuestion | None:
+        """Read one of the words I, C, F and S behind R, or a name and a time behind E."""
+        if text.takes("E", "["):
+            return cls._count(text)
+        head = text.operator("R")
+        if head is None or head.measure != "exp":
             return None
-        if asked.inner == "S":
-            return cls(asked.name)
-        match asked.begins_with("ICF"):
-            case "I":
-                return cls(asked.name, at=one_bound(asked.inner[1:], "I", "="))
-            case "C":
-                return cls(asked.name, up_to=one_bound(asked.inner[1:], "C", "<="))
-            case "F":
-                _, by, states = Bounded.of(asked.inner[1:])
-                if by is not None:
-                    raise ValueError("a reward until a target takes no time bound; ask for C<=t")
-                return cls(asked.name, until=states)
+        found = cls._inside(text, head.name)
+        if found is not None:
+            text.expect("]")
+        return found
+
+    @classmethod
+    def _count(cls, text: Cursor) -> RewardQuestion:
+        expected = "expected E[name] @ t, as in E[AB] @ 100"
+        name = text.text_until("]").strip("\"'")
+        text.expect("]", expected)
+        text.expect("@", expected)
+        if not name or text.here.kind == "end":
+            text.fail(expected)
+        return cls(name, at=text.time())
+
+    @classmethod
+    def _inside(cls, text: Cursor, name: str | None) -> RewardQuestion | None:
+        if text.takes("S"):
+            return cls(name)
+        if text.takes("I"):
+            text.expect("=", "expected I=t, as in I=100")
+            return cls(name, at=text.time())
+        if text.takes("C"):
+            if text.sees("]"):
+                return cls(name, up_to=math.inf)
+            text.expect("<=", "expected C<=t, as in C<=100, or C")
+            return cls(name, up_to=text.time())
+        if text.takes("F"):
+            if text.bound() != (0.0, None):
+                text.fail("a reward until a target takes no time bound; ask for C<=t")
+            return cls(name, until=text.states())
         return None
 
     @property
@@ -70,11 +94,18 @@ class RewardQuestion(Question):
 
     def value(self, chain: Chain) -> Answer:
         """The mean reward, as `Chain.reward` gives it."""
-        return chain.reward(self.name, self.at, self.up_to, self.until, self._is_steady)
+        return chain.reward(self.name, self.at, self.up_to, self._target(chain), self._is_steady)
+
+    def by_state(self, chain: Chain, _: Mask) -> StateAnswers:
+        """The mean reward from every state; inf if there is no finite mean."""
+        return reward_by_state(chain, self.name, self.at, self.up_to, self._target(chain), self._is_steady)
 
     def derivatives(self, sensitivity: Sensitivity) -> Derivatives:
         """The derivatives, as `Sensitivity.reward` gives them."""
-        return sensitivity.reward(self.name, self.at, self.up_to, self.until, self._is_steady)
+        return sensitivity.reward(self.name, self.at, self.up_to, self._target(sensitivity.chain), self._is_steady)
+
+    def _target(self, chain: Chain) -> Target | None:
+        return None if self.until is None else self.until.states(chain)
 
     @property
     def counts_as(self) -> str:
@@ -82,21 +113,23 @@ class RewardQuestion(Question):
         return TIME if self.name == TIME and self.at is None and not self._is_steady else MEAN
 
     @property
-    def conditions(self) -> tuple[str, ...]:
+    def conditions(self) -> tuple[StateFormula, ...]:
         """The target, if there is one."""
         return () if self.until is None else (self.until,)
 
     @property
     def settled(self) -> Settled | None:
         """The answer is decided in the target, if there is one."""
-        return None if self.until is None else Settled(self.until, None)
+        return None if self.until is None else settled_by(self.until, None)
 
     @property
     def sampling(self) -> AtTime | Along | None:
         """A run contributes the rate that it has at the time, or the total on its way."""
         if self.at is not None:
             return AtTime(self.at, lambda model, counts: reward_rates(model, self.name, counts))
-        return None if self._is_steady else Along(self.up_to, self.until, self._earned)
+        if self._is_steady or self.up_to == math.inf or (self.until is not None and self.until.nested):
+            return None
+        return Along(self.up_to, None if self.until is None else self.until.text, self._earned)
 
     def _earned(self, model: Model, entered: Floats, left: Floats, states: Ints) -> float:
         return float(np.cumsum((left - entered) * reward_rates(model, self.name, states))[-1])

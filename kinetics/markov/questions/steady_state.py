@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from kinetics.markov.by_state import StateAnswers, steady_by_state
 from kinetics.markov.chain import Chain
 from kinetics.markov.derivatives import Derivatives
 from kinetics.markov.questions.base import Question
-from kinetics.markov.questions.reader import Framed
+from kinetics.markov.questions.formula import Mask, StateFormula
+from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
 from kinetics.support.answer import Answer
 
@@ -25,22 +27,30 @@ class SteadyStateQuestion(Question):
     forms: ClassVar = ("S=? [ phi ]",)
     examples: ClassVar = ("S=? [ A >= 2 ]",)
 
-    states: str
+    states: StateFormula
 
     @classmethod
-    def read(cls, asked: Framed) -> SteadyStateQuestion | None:
-        """Read a text that begins with S; any condition may follow."""
-        return cls(asked.inner) if asked.letter == "S" else None
+    def read(cls, text: Cursor) -> SteadyStateQuestion | None:
+        """Read an S; any condition may follow."""
+        if not text.operator("S"):
+            return None
+        states = text.states()
+        text.expect("]")
+        return cls(states)
 
     def value(self, chain: Chain) -> Answer:
         """The probability, as `Chain.steady_state` gives it."""
-        return chain.steady_state(self.states)
+        return chain.steady_state(self.states.states(chain))
+
+    def by_state(self, chain: Chain, _: Mask) -> StateAnswers:
+        """The probability from every state, which differ if several closed classes can be reached."""
+        return steady_by_state(chain, chain.states(self.states.states(chain)).astype(float))
 
     def derivatives(self, sensitivity: Sensitivity) -> Derivatives:
         """The derivatives, as `Sensitivity.steady_state` gives them."""
-        return sensitivity.steady_state(self.states)
+        return sensitivity.steady_state(self.states.states(sensitivity.chain))
 
     @property
-    def conditions(self) -> tuple[str, ...]:
+    def conditions(self) -> tuple[StateFormula, ...]:
         """The states."""
         return (self.states,)

@@ -8,13 +8,14 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics.markov.chain import Chain
+from kinetics.markov.by_state import StateAnswers, until_by_state
+from kinetics.markov.chain import Chain, Target
 from kinetics.markov.derivatives import Derivatives
-from kinetics.markov.questions.base import Along, Decided, Question, Settled
-from kinetics.markov.questions.reader import Bounded, Framed, words
+from kinetics.markov.questions.base import Along, Decided, Question, Settled, settled_by
+from kinetics.markov.questions.formula import Mask, StateFormula
+from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
 from kinetics.network import Model
-from kinetics.network.laws.reading import shortened
 from kinetics.network.predicates import Condition
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, Ints
@@ -38,40 +39,37 @@ class UntilQuestion(Question):
         "P=? [ both = 3 & B < 2 U A = 0 ]",
     )
 
-    target: str
-    through: str | None = None
+    target: StateFormula
+    through: StateFormula | None = None
     by: float | None = None
     after: float = 0.0
 
     @classmethod
-    def read(cls, asked: Framed) -> UntilQuestion | None:
-        """F at the beginning, or one U between two conditions."""
-        if asked.letter != "P" or asked.begins_with("G"):
+    def read(cls, text: Cursor) -> UntilQuestion | None:
+        """Read a P with F, or with U between two conditions."""
+        path = text.path() if text.operator("P") else None
+        if path is None or path.word not in ("F", "U") or text.sees("||"):
             return None
-        if asked.begins_with("F"):
-            after, by, target = Bounded.of(asked.inner[1:])
-            return cls(target, None, by, after)
-        places = words(asked.inner, "U")
-        if not places:
-            return None
-        if len(places) > 1:
-            raise ValueError(f"{shortened(asked.inner)!r} has {len(places)} times U where one is expected")
-        through = asked.inner[: places[0]].strip()
-        if not through:
-            raise ValueError("nothing stands before U; write F psi, or true U psi")
-        after, by, target = Bounded.of(asked.inner[places[0] + 1 :])
-        return cls(target, through, by, after)
+        text.expect("]")
+        return cls(path.target, path.through, path.by, path.after)
 
     def value(self, chain: Chain) -> Answer:
         """The probability, as `Chain.until` gives it."""
-        return chain.until(self.target, self.through, self.by, after=self.after)
+        return chain.until(*self._states(chain), self.by, after=self.after)
+
+    def by_state(self, chain: Chain, _: Mask) -> StateAnswers:
+        """The probability from every state."""
+        return until_by_state(chain, *self._states(chain), self.by, self.after)
 
     def derivatives(self, sensitivity: Sensitivity) -> Derivatives:
         """The derivatives, as `Sensitivity.until` gives them."""
-        return sensitivity.until(self.target, self.through, self.by, self.after)
+        return sensitivity.until(*self._states(sensitivity.chain), self.by, self.after)
+
+    def _states(self, chain: Chain) -> tuple[Target, Target | None]:
+        return self.target.states(chain), None if self.through is None else self.through.states(chain)
 
     @property
-    def conditions(self) -> tuple[str, ...]:
+    def conditions(self) -> tuple[StateFormula, ...]:
         """The target, and the states on the way to it."""
         return (self.target,) if self.through is None else (self.target, self.through)
 
@@ -79,28 +77,28 @@ class UntilQuestion(Question):
     def settled(self) -> Settled | None:
         """The answer is decided outside of the states on the way, and in the target if that counts from the start."""
         if self.after:
-            return Settled(None, self.through) if self.through is not None else None
-        return Settled(self.target, self.through)
+            return settled_by(None, self.through) if self.through is not None else None
+        return settled_by(self.target, self.through)
 
     @property
     def sampling(self) -> Decided | Along | None:
         """A run ends where it is settled, and counts if that is the target."""
-        if self.by is None:
+        if self.by is None or any(formula.nested for formula in self.conditions):
             return None
         if self.after:
-            return Along(self.by, None if self.through is None else f"!({self.through})", self._reaches)
-        stop = f"({self.target})" + (f" | !({self.through})" if self.through is not None else "")
+            return Along(self.by, None if self.through is None else f"!({self.through.text})", self._reaches)
+        stop = f"({self.target.text})" + (f" | !({self.through.text})" if self.through is not None else "")
 
         def fulfils(model: Model, stopped: NDArray[np.bool_], counts: Ints) -> Floats:
-            return (stopped & Condition(self.target, model).holds(counts)).astype(float)
+            return (stopped & Condition(self.target.text, model).holds(counts)).astype(float)
 
         return Decided(self.by, stop, fulfils)
 
     def _reaches(self, model: Model, entered: Floats, left: Floats, states: Ints) -> float:
         """1 if a run is in the target in the interval, and was on the way until then."""
-        there = Condition(self.target, model).holds(states) & (left >= self.after)
+        there = Condition(self.target.text, model).holds(states) & (left >= self.after)
         if self.through is not None:
-            astray = ~Condition(self.through, model).holds(states)
+            astray = ~Condition(self.through.text, model).holds(states)
             lost = np.cumsum(astray)
             there &= (lost == 0) | ((lost == 1) & astray & (entered >= self.after))
         return float(there.any())

@@ -26,13 +26,12 @@ Sampling = AtTime | Decided | Along
 
 LEVEL = 0.95
 MOST_EVENTS = 10**7  # of a path whose total is asked for
-LASTS = "it has no time bound; give one, as in F<=100 or C<=100, or allow more states"
 
 
 def check_ends(text: str, question: Question) -> None:
     """ValueError if runs of a finite length do not answer the question."""
     if question.sampling is None:
-        raise ValueError(f"{text!r} cannot be sampled: {LASTS}")
+        raise ValueError(f"{text!r} cannot be sampled: {question.unsampled}")
 
 
 def sampled_answers(model: Model, questions: Sequence[tuple[str, Question]], runs: int, seed: int) -> list[Answer]:
@@ -127,4 +126,4 @@ def _answer(question: Question, values: Floats, method: str, seconds: float) -> 
     else:
         low, high = map(float, binomial_limits(values.sum(), runs, LEVEL))
     why = counted(runs, "run") + (f", standard error {error:.3g}" if error > 0 else "")
-    return Answer(mean, low, high, CONFIDENCE, method, seconds, why)
+    return question.concluded(Answer(mean, low, high, CONFIDENCE, method, seconds, why))

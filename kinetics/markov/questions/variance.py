@@ -1,0 +1,114 @@
+"""The variance of a reward or of a passage time: `R[var]{"time"}=? [ F A = 0 ]`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from kinetics.markov.chain import Chain, Target, reward_asked
+from kinetics.markov.derivatives import Derivatives
+from kinetics.markov.observing import reward_rates
+from kinetics.markov.questions.base import MEAN, TIME, Question, Settled, settled_by
+from kinetics.markov.questions.formula import StateFormula
+from kinetics.markov.questions.reader import Cursor
+from kinetics.markov.sensitivity import Sensitivity
+from kinetics.markov.variances import squares_about, variance
+from kinetics.network import Model
+from kinetics.support.answer import Answer
+
+
+@dataclass(frozen=True)
+class VarianceQuestion(Question):
+    """R[var]{"name"}=? [ ... ]: of a reward `at` a time, or of its total `until` a target. The notation is Storm's.
+
+    >>> from kinetics.markov.questions import parse
+    >>> parse('R[var]{"time"}=? [ F A = 0 ]')
+    VarianceQuestion(name='time', at=None, until='A = 0')
+    """
+
+    forms: ClassVar = ('R[var]{"name"}=? [ I=t | F phi ]',)
+    examples: ClassVar = (
+        'R[var]{"time"}=? [ F B >= 2 ]',
+        'R[var]{"A"}=? [ I=0.3 ]',
+        'R[var]{"A"}=? [ F B >= 2 ]',
+    )
+
+    name: str | None = None
+    at: float | None = None
+    until: StateFormula | None = None
+
+    @classmethod
+    def read(cls, text: Cursor) -> VarianceQuestion | None:
+        """Read an R of the measure var, with I or F."""
+        head = text.operator("R")
+        if head is None or head.measure != "var":
+            return None
+        if text.takes("I"):
+            text.expect("=", "expected I=t, as in I=100")
+            found = cls(head.name, at=text.time())
+        elif text.takes("F"):
+            if text.bound() != (0.0, None):
+                text.fail("a variance until a target takes no time bound")
+            found = cls(head.name, until=text.states())
+        else:
+            text.fail("a variance is that of I=t, or until F phi")
+        text.expect("]")
+        return found
+
+    def value(self, chain: Chain) -> Answer:
+        """The variance, as `variances.variance` gives it."""
+        return variance(chain, self.name, self.at, self._target(chain))
+
+    def derivatives(self, sensitivity: Sensitivity) -> Derivatives:
+        """Those of a passage time by its standard deviation, those at a time by the mean square about the mean."""
+        chain, answer = sensitivity.chain, self.value(sensitivity.chain)
+        if self.at is not None:
+            rates = np.asarray(reward_asked(chain, self.name, self.at, None, None, False).rates)
+            mean = sensitivity.means(rates[None, :], self.at)[0]
+            # d var = d E[(f - c)^2] - 2 (mean - c) d mean, with c as good as the mean
+            found = sensitivity.means(squares_about(rates, mean.answer.value)[None, :], self.at)[0]
+            slopes = np.maximum(np.abs(mean.low), np.abs(mean.high))
+            wide = 2.0 * mean.answer.error * slopes + 8.0 * 2.0**-53 * np.abs(found.value)
+            low, high = found.low - 1.001 * wide, found.high + 1.001 * wide
+            # a relative error of the squares is one of a path's score, too, which no bound is known of here
+            return replace(found, answer=answer, low=low, high=high, is_bound=False)
+        target = self._target(chain)
+        if target is None or self.name != TIME or self.name in chain.rewards or self.name in chain.variables:
+            raise ValueError('there are no derivatives of the variance of this reward; of "time" there are')
+        spread = sensitivity.passage_sd(target)
+        twice = 2.0 * spread.answer.value
+        ends = np.outer([spread.answer.low, spread.answer.high], np.ones(spread.value.size)) * 2.0
+        corners = np.array([each * end for each in (spread.low, spread.high) for end in ends])
+        slack = 4.0 * 2.0**-53 * np.abs(corners).max(axis=0)
+        low, high = corners.min(axis=0) - slack, corners.max(axis=0) + slack
+        return replace(spread, answer=answer, value=twice * spread.value, low=low, high=high)
+
+    def _target(self, chain: Chain) -> Target | None:
+        return None if self.until is None else self.until.states(chain)
+
+    @property
+    def counts_as(self) -> str:
+        """The kind of the answer: the square of a mean."""
+        return MEAN
+
+    @property
+    def conditions(self) -> tuple[StateFormula, ...]:
+        """The target, if there is one."""
+        return () if self.until is None else (self.until,)
+
+    @property
+    def settled(self) -> Settled | None:
+        """The answer is decided in the target, if there is one."""
+        return None if self.until is None else settled_by(self.until, None)
+
+    @property
+    def unsampled(self) -> str:
+        """The bounds of a sampled variance would need more than its runs."""
+        return "a variance has no answer by runs with bounds; allow more states"
+
+    def check(self, model: Model) -> None:
+        """A ValueError if there is no such reward either."""
+        reward_rates(model, self.name, np.asarray(model.initial)[np.newaxis])
+        super().check(model)
