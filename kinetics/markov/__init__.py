@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from kinetics.markov.paths import ChainPath as ChainPath
     from kinetics.markov.paths import chain_path as chain_path
     from kinetics.markov.paths import chain_path_to as chain_path_to
-    from kinetics.markov.prism_model import prism_text as prism_text
+    from kinetics.markov.prism.reading import read_prism as read_prism
+    from kinetics.markov.prism.writing import prism_text as prism_text
     from kinetics.markov.questions import ask as ask
     from kinetics.markov.sensitivity import Sensitivity as Sensitivity
     from kinetics.markov.sensitivity import sensitivity_to as sensitivity_to

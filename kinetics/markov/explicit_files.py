@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from kinetics.markov.chain import Chain
 from kinetics.markov.checks import Reward
-from kinetics.markov.prism_model import prism_names
+from kinetics.markov.prism.writing import prism_names
 from kinetics.markov.transient.search import MAX_STATES
 from kinetics.markov.transient.transitions import totals
 from kinetics.network.predicates import DEADLOCK, INIT

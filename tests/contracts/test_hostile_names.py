@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from kinetics import Chain, Model, Reward
 from kinetics.formats import FORMATS, read, write
 from kinetics.markov import prism_text, read_explicit, write_explicit
-from kinetics.markov.prism_model import TAKEN, prism_names
+from kinetics.markov.prism.writing import TAKEN, prism_names
 from kinetics.network import Network
 from kinetics.network.laws import Expression
 from kinetics.network.laws.writing import quoted

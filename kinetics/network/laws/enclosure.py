@@ -61,18 +61,27 @@ def enclosed(steps: Iterable[Step], states: Ints) -> Interval:
                 ends |= states[..., operand] < number
             elif code == Code.SELECT:
                 other, condition, value = stack.pop(), stack.pop(), stack.pop()
-                stack.append(_selected(value, condition, other))
+                stack.append(enclosed_by(code, value, condition, other))
             elif code == Code.KEEP:
                 kept[operand] = stack[-1]
             elif code == Code.RECALL:
                 stack.append(kept[operand])
             elif code >= Code.NEGATE:
-                stack.append(_of_one(code, stack.pop()))
+                stack.append(enclosed_by(code, stack.pop()))
             elif code != Code.REFUSE:  # which shows in the value itself
                 right, left = stack.pop(), stack.pop()
-                stack.append(OF_TWO[code](left, right) if code in OF_TWO else _compared(code, left, right))
+                stack.append(enclosed_by(code, left, right))
     low, high = (np.where(ends, 0.0, bound) for bound in stack[-1])
     return Interval(low, high)
+
+
+def enclosed_by(code: Code, *parts: Interval) -> Interval:
+    """Bounds (...) on the real value of one operation on parts with these bounds."""
+    if code == Code.SELECT:
+        return _selected(*parts)
+    if len(parts) == 1:
+        return _of_one(code, parts[0])
+    return OF_TWO[code](*parts) if code in OF_TWO else _compared(code, *parts)
 
 
 def _point(values: Any) -> Interval:

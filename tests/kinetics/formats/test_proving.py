@@ -7,7 +7,8 @@ import pytest
 
 from kinetics import Chain, Model, Reward
 from kinetics.formats import FORMATS, read, write
-from kinetics.markov import explicit_files, prism_model, prism_text, write_explicit
+from kinetics.markov import explicit_files, prism_text, write_explicit
+from kinetics.markov.prism import writing
 from kinetics.network import Network
 
 WRITTEN = [kind for kind in FORMATS if kind.is_written]
@@ -104,7 +105,7 @@ def test_a_faulty_writer_of_a_chain_is_caught(file, old, new, said, tmp_path, mo
 )  # fmt: skip
 def test_faulty_names_in_a_prism_model_are_caught(names, monkeypatch):
     assert prism_text(model(), np.array([9, 9, 9]))
-    monkeypatch.setattr(prism_model, "prism_names", names)
+    monkeypatch.setattr(writing, "prism_names", names)
     with pytest.raises(ValueError, match=r"the model would hold .*, which PRISM would misread"):
         prism_text(model(), np.array([9, 9, 9]))
 

@@ -9,7 +9,7 @@ from known_systems import line, switch
 
 from kinetics import Chain, Model, Network
 from kinetics.markov import ask, prism_text
-from kinetics.markov.prism_model import prism_names
+from kinetics.markov.prism.writing import prism_names
 
 QUESTIONS = ("P=? [ F {0} >= {1} ]", "S=? [ {0} >= {1} ]", 'R{{"{0}"}}=? [ S ]')
 

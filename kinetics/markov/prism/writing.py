@@ -13,6 +13,7 @@ from math import factorial
 
 import numpy as np
 
+from kinetics.markov.prism.tokens import TAKEN
 from kinetics.network import Model, Network
 from kinetics.network.checks import spelled_apart
 from kinetics.network.laws.expression import Expression
@@ -21,14 +22,6 @@ from kinetics.network.laws.reading import LONGEST, shortened
 from kinetics.network.network import check_homogeneous
 from kinetics.support.arrays import Ints
 
-# Words of the language, which nothing may have for a name, and the label that it gives.
-LANGUAGE = """
-A bool clock const ctmc C double dtmc E endinit endinvariant endmodule endobservables endrewards endsystem false formula
-filter func F global G init invariant I int label max mdp min module X nondeterministic observable observables of Pmax
-Pmin P pomdp popta probabilistic prob pta rate rewards Rmax Rmin R S smg stochastic system true U W mod pow floor ceil
-round log ma csg ctmdp idtmc imdp ipomdp lts player endplayer sin cos tan deadlock
-"""
-TAKEN = frozenset(LANGUAGE.split())
 WORD = re.compile(r"(?<![\w.])[A-Za-z_]\w*", re.ASCII)
 VARIABLE = re.compile(r"  (.*) : \[0\.\.\d+\] init \d+;")
 FRAME = ("", "ctmc", "module network", "endmodule", "endrewards")

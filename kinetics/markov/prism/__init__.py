@@ -1,0 +1,1 @@
+"""PRISM's language: models of Markov chains in continuous time, read as chains, and networks written as models."""
