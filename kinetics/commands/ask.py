@@ -35,7 +35,8 @@ if TYPE_CHECKING:
     from kinetics.network import Model
     from kinetics.support.answer import Answer
 
-MODELS = (".sm", ".prism")
+MODELS = (".sm", ".prism")  # that are written
+PRISM = (*MODELS, ".pm")
 INSTEAD = (
     "Truncate the chain by --truncate, which gives bounds; --stop it where what you ask is decided; start from "
     "smaller counts, raise --max-states if the chain is finite, or sample by `wellmixed scan`"
@@ -51,7 +52,7 @@ INSTEAD = (
     help="Explore no further from states of a network in which this holds.",
 )
 @truncate_option
-@count_option("--max-states", default=1_000_000, help="Refuse a network that reaches more states than this.")
+@count_option("--max-states", default=1_000_000, help="Refuse a model that reaches more states than this.")
 @click.option(
     "--out",
     "out_file",
@@ -81,12 +82,13 @@ def ask(
 ) -> None:
     """Answer questions about a Markov chain: probabilities, rewards and the steady state, with bounds.
 
-    NETWORK is a rule book, which needs --rates and --cubes, a network file that contains both, or a .tra file as PRISM
-    and Storm write it. A QUESTION is one of theirs, such as 'P=? [ F<=100 quadmer >= 1 ]', 'P=? [ a > 0 U b = 3 ]',
-    'S=? [ monomer < 5 ]' or 'R{"quadmer"}=? [ I=100 ]'; F, U and G take time bounds <=t, >=t and [a,b], R takes I=t,
-    C<=t, C, F and S. 'P>=0.9 [ F<=100 quadmer >= 1 ]' is true, false, or not decided within the bound, and may stand in
-    a condition. There are X, F || F, R[var], quantile(...) and filter(...), too. Species count as variables and as
-    rewards. Times are in tu.
+    NETWORK is a rule book, which needs --rates and --cubes, a network file that contains both, a .tra file as PRISM and
+    Storm write it, or a model (ctmc) in PRISM's language (.sm, .prism, .pm), of which --set sets undefined constants. A
+    QUESTION is one of theirs, such as 'P=? [ F<=100 quadmer >= 1 ]', 'P=? [ a > 0 U b = 3 ]', 'S=? [ monomer < 5 ]' or
+    'R{"quadmer"}=? [ I=100 ]'; F, U and G take time bounds <=t, >=t and [a,b], R takes I=t, C<=t, C, F and S.
+    'P>=0.9 [ F<=100 quadmer >= 1 ]' is true, false, or not decided within the bound, and may stand in a condition.
+    There are X, F || F, R[var], quantile(...) and filter(...), too. Species count as variables and as rewards. Times
+    are in tu.
 
     For F, G and U, states are explored only until the answer is settled. If that still leaves infinitely many,
     --truncate truncates the chain; the bounds hold for any behaviour outside.
@@ -96,21 +98,10 @@ def ask(
             "nothing to do; ask a question, as in 'P=? [ F<=100 quadmer >= 1 ]', or write the chain by --out"
         )
     queries = [parse(question) for question in questions]  # before any state is explored
-    if Path(asked.source).suffix.lower() == ".tra":
-        given: dict[str, Any] = {
-            "--rates": asked.rates_name,
-            "--cubes": asked.cubes,
-            "--initial": asked.initial,
-            "--stop": stop,
-        }
-        given |= {
-            "--copies-per-unit": asked.copies_per_unit,
-            "--truncate": truncate,
-            "--set": asked.chosen or None,
-            "--tank": asked.edges,
-        }
+    if Path(asked.source).suffix.lower() in (".tra", *PRISM):
         model = None
-        chains: Iterable[tuple[Chain, list[int]]] = [(_from_files(asked.source, given), list(range(len(queries))))]
+        chain = _from_files(asked, stop, truncate, max_states)
+        chains: Iterable[tuple[Chain, list[int]]] = [(chain, list(range(len(queries))))]
     else:
         model = applied(*described(asked))
         # What is written is the whole chain, which then answers all questions.
@@ -149,13 +140,25 @@ def _truth(answer: Answer) -> dict[str, bool | None]:
     return {"holds": answer.holds} if isinstance(answer, TruthValue) else {}
 
 
-def _from_files(path: str, given: dict[str, Any]) -> Chain:
-    from kinetics.markov import read_explicit
+def _from_files(asked: ModelOptions, stop: str | None, truncate: str | int | None, max_states: int) -> Chain:
+    """The chain of explicit files, or of a model in PRISM's language."""
+    from kinetics.markov import read_explicit, read_prism
 
+    path, is_explicit = asked.source, Path(asked.source).suffix.lower() == ".tra"
+    given: dict[str, Any] = {
+        "--rates": asked.rates_name,
+        "--cubes": asked.cubes,
+        "--initial": asked.initial,
+        "--stop": stop,
+        "--copies-per-unit": asked.copies_per_unit,
+        "--truncate": truncate,
+        "--set": (asked.chosen or None) if is_explicit else None,
+        "--tank": asked.edges,
+    }
     for option, value in given.items():
         if value is not None:
-            raise ValueError(f"{path} is a whole chain; leave out {option}")
-    return read_explicit(path)
+            raise ValueError(f"{path} is {'a whole chain' if is_explicit else 'a whole model'}; leave out {option}")
+    return read_explicit(path) if is_explicit else read_prism(path, asked.chosen, max_states)
 
 
 def _write(path: str, chain: Chain, model: Model | None) -> None:

@@ -21,7 +21,8 @@ from kinetics.support.arrays import Floats, Ints
 Mask = NDArray[np.bool_]
 BATCH = 2**14  # states at a time
 FEW = 2**10  # waiting states, to which others are added
-LEAST_AHEAD, MOST_AHEAD = 2**6, 2**13  # states that are added to those
+LEAST_AHEAD, MOST_AHEAD = 2**6, 2**13  # states that are added to those, twice
+SOME = 2**6  # moves whose steps are tried again
 ADVICE = "Choose smaller ranges or constants, or raise max_states (--max-states) if the memory allows it"
 
 
@@ -78,6 +79,7 @@ class _Exploring:
         self._waiting = 0  # the first row that may wait
         self._parts: list[tuple[Ints, Ints, Moves]] = []
         self._ahead = LEAST_AHEAD
+        self._steps = np.empty((0, n_variables), dtype=np.int64)  # what some of the last moves changed
         self._add(start[np.newaxis])
 
     def goes_on(self) -> bool:
@@ -93,6 +95,8 @@ class _Exploring:
             is_worth_it = 4 * (len(reached) - len(front)) >= len(taken) - len(front)
             self._ahead = min(2 * self._ahead, MOST_AHEAD) if is_worth_it else max(self._ahead // 2, LEAST_AHEAD // 2)
             taken = reached
+        some = moves.picked(np.arange(min(moves.rows.size, SOME)))
+        self._steps = np.unique(some.targets - taken[some.rows], axis=0)
         places = self._add(taken)
         self._is_done[places] = True
         columns = self._add(moves.targets)
@@ -129,17 +133,19 @@ class _Exploring:
         return front, moves_of(self._system, front)
 
     def _near(self, front: Ints) -> Ints:
-        """States around those of the front, in a cube of values that grows while its states are few enough."""
+        """Unknown states near those of the front: in a cube of values around each, and on along the last steps."""
         low, high = self._system.ranges.T
         most, widths = self._ahead // len(front), high - low + 1
         width = 1
-        while np.prod(np.minimum(widths, 2 * width + 1), dtype=np.float64) <= most and width < widths.max():
+        while np.prod(np.minimum(widths, 2 * width), dtype=np.float64) <= most and width < widths.max():
             width *= 2
         sizes = np.minimum(widths, width)
-        if np.prod(sizes, dtype=np.float64) > most or sizes.max() < 2:
-            return front[:0]
-        offsets = np.stack([axis.ravel() for axis in np.indices(sizes)], axis=1) - sizes // 2
-        around = (front[:, np.newaxis] + offsets).reshape(-1, front.shape[1])
+        offsets = [np.empty((0, low.size), dtype=np.int64)]
+        if 1 < np.prod(sizes, dtype=np.float64) <= most:
+            offsets.append(np.stack([axis.ravel() for axis in np.indices(sizes)], axis=1) - sizes // 2)
+        far = np.arange(1, 1 + most // max(len(self._steps), 1))[:, np.newaxis]
+        offsets += [far * step for step in self._steps]
+        around = (front[:, np.newaxis] + np.concatenate(offsets)).reshape(-1, low.size)
         around = around[((around >= low) & (around <= high)).all(axis=1)]
         keys = keys_of(around, self._multipliers)
         _, first = np.unique(keys, return_index=True)
