@@ -22,6 +22,7 @@ Mask = NDArray[np.bool_]
 BATCH = 2**14  # states at a time
 FEW = 2**10  # waiting states, to which others are added
 LEAST_AHEAD, MOST_AHEAD = 2**6, 2**13  # states that are added to those, twice
+AGAIN = 50  # so often few are waiting until it is tried again, after it was not worth it
 SOME = 2**6  # moves whose steps are tried again
 ADVICE = "Choose smaller ranges or constants, or raise max_states (--max-states) if the memory allows it"
 
@@ -78,7 +79,7 @@ class _Exploring:
         self._is_done = np.zeros(0, dtype=bool)
         self._waiting = 0  # the first row that may wait
         self._parts: list[tuple[Ints, Ints, Moves]] = []
-        self._ahead = LEAST_AHEAD
+        self._ahead, self._narrow = LEAST_AHEAD, 0  # narrow: how often few were waiting
         self._steps = np.empty((0, n_variables), dtype=np.int64)  # what some of the last moves changed
         self._add(start[np.newaxis])
 
@@ -93,7 +94,7 @@ class _Exploring:
             reached, moves = _reached(taken, len(front), moves, self._multipliers)
             # Few of those taken along were needed: take fewer; else more.
             is_worth_it = 4 * (len(reached) - len(front)) >= len(taken) - len(front)
-            self._ahead = min(2 * self._ahead, MOST_AHEAD) if is_worth_it else max(self._ahead // 2, LEAST_AHEAD // 2)
+            self._ahead = min(2 * self._ahead, MOST_AHEAD) if is_worth_it else self._ahead // 2
             taken = reached
         some = moves.picked(np.arange(min(moves.rows.size, SOME)))
         self._steps = np.unique(some.targets - taken[some.rows], axis=0)
@@ -121,6 +122,10 @@ class _Exploring:
 
     def _taken(self, front: Ints) -> tuple[Ints, Moves]:
         """States (n, V), those of the front first, and their moves."""
+        if len(front) < FEW:
+            self._narrow += 1
+            if self._narrow % AGAIN == 0:
+                self._ahead = max(self._ahead, LEAST_AHEAD)
         if len(front) < FEW and self._ahead >= LEAST_AHEAD:
             near = self._near(front)
             if len(near):
@@ -140,12 +145,14 @@ class _Exploring:
         while np.prod(np.minimum(widths, 2 * width), dtype=np.float64) <= most and width < widths.max():
             width *= 2
         sizes = np.minimum(widths, width)
-        offsets = [np.empty((0, low.size), dtype=np.int64)]
+        parts = []
         if 1 < np.prod(sizes, dtype=np.float64) <= most:
-            offsets.append(np.stack([axis.ravel() for axis in np.indices(sizes)], axis=1) - sizes // 2)
+            cube = np.stack([axis.ravel() for axis in np.indices(sizes)], axis=1)
+            begin = np.clip(front - sizes // 2, low, high + 1 - sizes)  # within the ranges as a whole
+            parts.append(begin[:, np.newaxis] + cube)
         far = np.arange(1, 1 + most // max(len(self._steps), 1))[:, np.newaxis]
-        offsets += [far * step for step in self._steps]
-        around = (front[:, np.newaxis] + np.concatenate(offsets)).reshape(-1, low.size)
+        parts += [front[:, np.newaxis] + far * step for step in self._steps]
+        around = np.concatenate([part.reshape(-1, low.size) for part in [front[:0], *parts]])
         around = around[((around >= low) & (around <= high)).all(axis=1)]
         keys = keys_of(around, self._multipliers)
         _, first = np.unique(keys, return_index=True)

@@ -27,12 +27,12 @@ def random_model(seed):
         for _ in range(rng.randint(2, 4)):
             guards = [
                 (name, rng.choice(list(COMPARED)), rng.randint(0, tops[name]))
-                for name in rng.sample(sorted(tops), rng.randint(0, min(2, len(tops))))
+                for name in rng.sample(sorted(tops), rng.randint(0, 1))
             ]
             updates = []
             for _ in range(rng.randint(1, 2)):
                 changed = rng.sample(own, rng.randint(0, len(own)))
-                values = {name: (rng.choice(sorted(tops)), rng.randint(0, 3)) for name in changed}
+                values = {name: (rng.choice([name, *sorted(tops)]), rng.randint(1, 3)) for name in changed}
                 updates.append((rng.choice([0.5, 1.25, 3.0]), rng.choice([None, *sorted(tops)]), values))
             commands.append((module, rng.choice(["", "", "a", "b"]), guards, updates))
     return variables, commands
@@ -70,8 +70,7 @@ def followed(variables, commands):
         state = waiting.pop()
         here = dict(zip(names, state, strict=True))
         enabled = [c for c in commands if all(COMPARED[sign](here[name], number) for name, sign, number in c[2])]
-        groups = [[(c,)] for c in [[c] for c in enabled if not c[1]]]
-        ways = [tuple(c) for c in itertools.chain.from_iterable(groups) for c in [c[0]]]
+        ways = [(command,) for command in enabled if not command[1]]
         for action in ("a", "b"):
             modules = sorted({c[0] for c in commands if c[1] == action})
             parts = [[c for c in enabled if c[0] == module and c[1] == action] for module in modules]
