@@ -51,7 +51,8 @@ class _Resolving:
         self.owners = {token.text: module for token, _, _, module in declared}
         self.constants = Constants(text.constants, given)
         self.formulas = {name.text: (name, value) for name, value in text.formulas}
-        self.scope = Scope(places, self.constants.term, self.formulas)
+        self.constant_names = [constant.name.text for constant in text.constants]
+        self.scope = Scope(places, self.constants.term, self.formulas, (), self.constant_names)
         self.constants.read_in(self.scope)
         for name, _ in text.formulas:  # those that are not used are checked, too
             self.scope.term(Written("name", (), name))
@@ -109,7 +110,7 @@ class _Resolving:
                     token,
                 )
             seen[token.text] = what, token
-        for whats, tokens in (
+        for things, tokens in (
             ("modules", [module.name for module in self.text.modules]),
             ("labels", [name for name, _ in self.text.labels]),
             ("rewards", [rewards.name for rewards in self.text.rewards if rewards.name]),
@@ -118,13 +119,13 @@ class _Resolving:
             for token in tokens:
                 if lines.setdefault(token.text, token.line) != token.line or tokens.count(token) > 1:
                     raise ModelTextError(
-                        f"two {whats} are called {token.shown}, here and in line {lines[token.text]}; rename one", token
+                        f"two {things} are called {token.shown}, here and in line {lines[token.text]}; rename one", token
                     )
 
     def _scope_of(self, module: Copied | None) -> Scope:
         if module is None or not module.renamings:
             return self.scope
-        return Scope(self.places, self.constants.term, self.formulas, module.renamings)
+        return Scope(self.places, self.constants.term, self.formulas, module.renamings, self.constant_names)
 
     def _range(self, token: Lexeme, variable: VariableText, scope: Scope) -> tuple[int, int]:
         if variable.low is None or variable.high is None:

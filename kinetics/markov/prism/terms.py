@@ -7,7 +7,7 @@ before the names of a copied module are (section "Formulas And Labels"), so that
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, NamedTuple
 
 from kinetics.markov.prism.expressions import Written
@@ -58,6 +58,7 @@ class Scope:
     constants : function that gives the term of a constant, or None for another name
     formulas : name -> what it stands for, as written
     renamings : names that are replaced, one step after another; of a module that is a copy of a copy there are two
+    constant_names : for errors, which suggest them
     """
 
     def __init__(
@@ -66,9 +67,10 @@ class Scope:
         constants: Callable[[Lexeme, int], Term | None],
         formulas: Mapping[str, tuple[Lexeme, Written]],
         renamings: tuple[Mapping[str, str], ...] = (),
+        constant_names: Collection[str] = (),
     ) -> None:
         self._variables, self._constants, self._formulas = variables, constants, formulas
-        self._renamings = renamings
+        self._renamings, self._constant_names = renamings, constant_names
         self._known: dict[str, Term] = {}  # formulas here
         self._open: list[str] = []  # formulas that are being read
 
@@ -120,8 +122,8 @@ class Scope:
         if constant is not None:
             return constant._replace(token=token)
         shown = repr(token.text) + (f", which is {name!r} in this module" if name != token.text else "")
-        hint = nearest(name, [*self._variables, *self._formulas]) if self._variables else "there are no variables yet"
-        raise ModelTextError(f"unknown name {shown}; {hint}", token)
+        known = [*self._variables, *self._formulas, *self._constant_names]
+        raise ModelTextError(f"unknown name {shown}{f'; {nearest(name, known)}' if known else ''}", token)
 
     def _formula(self, token: Lexeme, depth: int) -> Term:
         name = token.text

@@ -110,3 +110,62 @@ def test_a_network_without_end(tmp_path):
 )
 def test_bad_input_exits_2(arguments, message):
     assert message in run(*arguments, code=2)
+
+
+PUMP = """ctmc
+const double wear;
+module pump
+  up : bool init true;
+  hits : [0..2];
+  [] up -> wear : (up'=false) & (hits'=min(hits+1, 2));
+  [] !up -> 2 : (up'=true);
+endmodule
+label "down" = !up;
+rewards "cost" [] up : 3; endrewards
+"""
+
+
+def test_a_model_in_prisms_language(tmp_path):
+    for suffix in (".sm", ".prism", ".pm"):
+        (tmp_path / f"pump{suffix}").write_text(PUMP, encoding="utf-8")
+    asked = ('S=? [ "down" ]', "P=? [ F<=3 hits=2 & !up ]", 'R{"cost"}=? [ S ]')
+    found = [
+        json.loads(run("ask", tmp_path / f"pump{s}", "--set", "wear=0.5", *asked, "--json")) for s in (".sm", ".pm")
+    ]
+    values = [answer["value"] for answer in found[0]["answers"]]
+    assert values == [answer["value"] for answer in found[1]["answers"]]
+    assert values[0] == pytest.approx(0.5 / 2.5, rel=1e-12)
+    assert values[2] == pytest.approx(3 * 0.5 * 2 / 2.5, rel=1e-12)
+    assert found[0]["states"] == 6 - 1
+    run("ask", tmp_path / "pump.prism", "--set", "wear=0.5", "--out", tmp_path / "pump.tra")
+    (again,) = json.loads(run("ask", tmp_path / "pump.tra", asked[0], "--json"))["answers"]
+    assert again["value"] == pytest.approx(values[0], rel=1e-12)
+
+
+def test_what_is_written_as_a_model_is_read_back(tmp_path):
+    run(*LINE, "--out", tmp_path / "line.sm")
+    (once,) = json.loads(run(*LINE, WITHIN, "--json"))["answers"]
+    again = json.loads(run("ask", tmp_path / "line.sm", WITHIN, "--json"))
+    assert again["answers"][0]["value"] == pytest.approx(once["value"], rel=1e-12)
+    assert again["answers"][0]["kind"] == "proven"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["S=? [ up ]"],
+            "pump.sm, line 2, column 14: the constant 'wear' has no value; give it one, as in --set wear=1",
+        ),
+        (["S=? [ up ]", "--set", "waer=1"], "there is no constant 'waer' to be set; those without a value are wear"),
+        (["S=? [ up ]", "--set", "wear=-1"], "line 6, column 12: a rate is negative (-1)"),
+        (["S=? [ up ]", "--set", "wear=1", "--max-states", "3"], "over 3 states are reachable. Choose smaller ranges"),
+        (["S=? [ up ]", "--set", "wear=1", "--stop", "up"], "is a whole model; leave out --stop"),
+        (["S=? [ up ]", "--set", "wear=1", "--truncate", "9"], "is a whole model; leave out --truncate"),
+        (["S=? [ dwon ]", "--set", "wear=1"], "unknown name 'dwon'; the variables are up, hits, the labels down, up,"),
+        (["--set", "wear=1", "--out", "pump.sm"], "a chain without a network has no model"),
+    ],
+)
+def test_models_and_options_that_do_not_fit(arguments, message, tmp_path):
+    (tmp_path / "pump.sm").write_text(PUMP, encoding="utf-8")
+    assert message in run("ask", tmp_path / "pump.sm", *arguments, code=2)
