@@ -110,7 +110,7 @@ class _Resolving:
                     token,
                 )
             seen[token.text] = what, token
-        for things, tokens in (
+        for kind, tokens in (
             ("modules", [module.name for module in self.text.modules]),
             ("labels", [name for name, _ in self.text.labels]),
             ("rewards", [rewards.name for rewards in self.text.rewards if rewards.name]),
@@ -119,7 +119,7 @@ class _Resolving:
             for token in tokens:
                 if lines.setdefault(token.text, token.line) != token.line or tokens.count(token) > 1:
                     raise ModelTextError(
-                        f"two {things} are called {token.shown}, here and in line {lines[token.text]}; rename one", token
+                        f"two {kind} are called {token.shown}, here and in line {lines[token.text]}; rename one", token
                     )
 
     def _scope_of(self, module: Copied | None) -> Scope:

@@ -247,8 +247,8 @@ def test_explicit_files_of_a_model_say_the_same(tmp_path):
     write_explicit(chain, tmp_path / "model.tra")
     again = read_explicit(tmp_path / "model.tra")
     assert len(again) == len(chain)
-    question = 'P=? [ F<=20 "alarm_" ]'  # the label of a variable, which has that name in the files
-    assert ask(again, question).value == pytest.approx(ask(chain, 'P=? [ F<=20 "alarm" ]').value, rel=1e-12)
+    for question in ('P=? [ F<=20 "alarm" ]', "P=? [ F<=2 !ok ]", 'R{"work"}=? [ C<=3 ]'):
+        assert ask(again, question).value == pytest.approx(ask(chain, question).value, rel=1e-12)
 
 
 def test_rounding_of_rates_is_enclosed(read):

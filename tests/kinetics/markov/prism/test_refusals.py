@@ -121,7 +121,7 @@ def test_the_models_that_are_spoiled_here_are_right(tmp_path):
         # types
         (module("x : [0..3];", "[] x -> 1 : (x'=1);"), "line 4, column 4: a guard is of the type int; expected bool"),
         (module("x : [0..3];", "[] true -> x=1 : (x'=1);"), "line 4, column 13: a rate is of the type bool; expected"),
-        (module("x : [0..3];", "[] x & true -> 1 : true;"), "line 4, column 6: '&' of the types int and bool; expecte"),
+        (module("x : [0..3];", "[] x & true -> 1 : true;"), "line 4, column 6: '&' of the types int and bool"),
         (module("b : bool;", "[] b + 1 > 0 -> 1 : true;"), "line 4, column 6: '+' of the types bool and int; expected"),
         (module("b : bool;", "[] b = 1 -> 1 : true;"), "line 4, column 6: '=' of the types bool and int; expected two"),
         (module("b : bool;", "[] -b = 1 -> 1 : true;"), "line 4, column 4: a minus of the types bool"),
