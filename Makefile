@@ -51,9 +51,9 @@ benchmarks: $(READY)
 docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
-# The study of results/crowds: makes the runs that are missing, reads the others, and judges the plan. A broken rule, exit
+# The study of results/line4: makes the runs that are missing, reads the others, and judges the plan. A broken rule, exit
 # code 5, is a result.
-STUDY := results/crowds
+STUDY := results/line4
 STUDY_RUNS := --runs-folder $(STUDY)/runs --workers 2
 study: $(READY)
 	$(BIN)/wellmixed calibrate $(STUDY)/plan.toml $(STUDY_RUNS) --out $(STUDY)/rates.toml \

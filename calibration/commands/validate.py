@@ -152,14 +152,14 @@ def validate(
     if isinstance(study, GrowthStudy):
         for plot_file in plot_files:
             study.save_plot(plot_file)
-    if report and isinstance(study, ValidationStudy):
-        validation_report(study, rules).write(report, data=True)
     if as_json:
         echo_json({"rates": rates_name} | told | study.to_dict())
     else:
         for line in [in_one_sentence(rules), *(f"  {bar.sentence}" for bar in rules), ""] if rules else []:
             click.echo(line)
         click.echo(comparison_table(study) if isinstance(study, ValidationStudy) else growth_tables(study))
+    if report and isinstance(study, ValidationStudy):  # last: whatever befalls a file, what it took so long is told
+        validation_report(study, rules).write(report, data=True)
     leave(study.outcome.problems, any(bar.is_kept is False for bar in rules))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -303,7 +304,7 @@ def _count_parts(study: ValidationStudy) -> list[Part]:
     parts: list[Part] = [Text(ABOUT_VALIDATION), ReportTable(about, _one_column_each(study.summary()), "summary")]
     for comparison in study.comparisons:
         draw = partial(comparison.plot, species=species)
-        name = comparison.label.replace(" ", "-")
+        name = "-".join(re.findall(r"[\w.]+", comparison.label))  # it names files
         caption = f"{comparison.label}: mean copies over time."
         parts.append(Chart(caption, draw, panels=len(species), rows=comparison.table(), name=name))
         if comparison.first is not None:

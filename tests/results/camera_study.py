@@ -5,7 +5,7 @@
 fits the frames that results/camera lacks, in some ten minutes of CPU time, and counts the information that frames of
 other intervals keep.
 
-The runs are the calibration runs of results/crowds at 60 cubes: those at 160 are of another density, where rates
+The runs are the calibration runs of results/line4 at 60 cubes: those at 160 are of another density, where rates
 differ, and held-out runs are not used. Breaks are of first order, so that counts of all species are all there is.
 """
 
@@ -37,7 +37,7 @@ from tests.results.camera_simulated import fit_events
 from tests.results.frame_likelihood import FrameLikelihood, frames_of
 
 ROOT = Path(__file__).parents[2]
-FOLDER, STUDY = ROOT / "results" / "camera", ROOT / "results" / "crowds"
+FOLDER, STUDY = ROOT / "results" / "camera", ROOT / "results" / "line4"
 CUBES = 60
 EVERY = (1, 10, 50, 200)  # tu, of the fits
 CURVE = (1, 2, 5, 10, 20, 50, 100, 200, 250, 500)  # tu, of the information alone

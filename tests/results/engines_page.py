@@ -10,14 +10,17 @@ those of some of the calibration runs of results/line4, made again by our own en
 from __future__ import annotations
 
 import re
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.stats import beta, chi2
 
+from calibration import Exposure, count, pooled
+from calibration.pipeline.plan import StudyPlan
 from kinetics.support.plots import colour, save_figure
+from mechsim.inspection.poses import record_at
 from tests.results.engine_runs import COMPARED, FOLDER, ROOT, STUDY, file_of, runs_of, specs
 from tests.results.engine_trials import TANKS
 
@@ -109,6 +112,14 @@ def progress() -> str:
     return "\n".join(rows) + "\n"
 
 
+@cache
+def first_engine() -> Exposure:
+    """Events and exposures of all calibration runs by PyBullet, under mass action."""
+    plan, folder = StudyPlan.load(STUDY / "plan.toml"), STUDY / "runs"
+    keys = [spec.key for spec in plan.specs(plan.calibration)]
+    return pooled(count(record_at(str(folder / f"{key}.run"), folder).path) for key in keys)
+
+
 def rates() -> pd.DataFrame:
     """By channel: events and rates by both engines, and the exact 95 % interval of their ratio.
 
@@ -116,14 +127,16 @@ def rates() -> pd.DataFrame:
     ratio's.
     """
     again = pd.read_csv(file_of("rates")).groupby("channel")[["events", "exposure"]].sum()
-    rows = []
-    for row in pd.read_csv(STUDY / "calibration_rates.csv").to_dict("records"):
-        first, known = int(row["events"]), row["events"] / row["rate"]
-        own, exposure = int(again.loc[row["channel"], "events"]), again.loc[row["channel"], "exposure"]
+    rows, found = [], first_engine()
+    for channel, first, known in zip(
+        found.network.channels, found.events.tolist(), found.exposure.tolist(), strict=True
+    ):
+        own, exposure = int(again.loc[channel, "events"]), again.loc[channel, "exposure"]
         low = beta.ppf(0.025, own, first + 1) if own else 0.0
         high = beta.ppf(0.975, own + 1, first)
         limits = [share / (1 - share) * known / exposure for share in (low, high)]
-        rows.append((row["channel"], row["rate"], first, own / exposure, own, own / exposure / row["rate"], *limits))
+        rate = first / known
+        rows.append((channel, rate, first, own / exposure, own, own / exposure / rate, *limits))
     return pd.DataFrame(
         rows, columns=["channel", "pybullet", "pybullet_events", "own", "events", "ratio", "low", "high"]
     )

@@ -2,30 +2,31 @@
 
     python -m tests.results.study_pages
 
-writes them anew, each between a line `<!-- STUDY: NAME -->` and a line `<!-- end -->`; with `calibration` behind it, it
-prints the files of line4's calibration runs instead, for `wellmixed runs loads`.
+writes them anew, each between a line `<!-- STUDY: NAME -->` and a line `<!-- end -->`.
 """
 
 from __future__ import annotations
 
 import re
-import sys
 from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from calibration.pipeline.bars import WORDS
+from kinetics.network import Tank
 from kinetics.rates import Rates
 from kinetics.runs import BY_SEVERAL, BY_WALL, NO_BREAK
 from mechsim.inspection.poses import record_at
+from mechsim.runs.record import book_of
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
 from tests.results.paper_estimator import paper_estimate
-from tests.results.studies import ROOT, STUDIES, Study, bullets, cubes_in, listed, one, only, paragraph, ratio, table
+from tests.results.studies import ROOT, STUDIES, Study, bullets, cubes_in, listed, one, paragraph, ratio, table
 
 PAGES = (
     *(ROOT / "docs" / f"{name}.md" for name in ("line_of_four", "crowding")),
@@ -44,24 +45,35 @@ def planned(study: Study) -> str:
     times = sorted({f"{t.along:g}" for t in ours.tanks if t.along is not None}, key=float)
     kinds = {tuple(sorted(t.composition.items())) for t in ours.tanks}
     watched = sorted({cubes_in(t.composition) for t in ours.tanks})
-    single, other = ([t for t in held.tanks if (t.tank is None) == own] for own in (True, False))
-    sizes = [listed([cubes_in(t.composition) for t in tanks]) for tanks in (single, other)]
-    edges = " x ".join(f"{edge:g}" for edge in only(t.tank for t in other))
     calibration = (
-        f"Calibration, seed {ours.seed}: {sum(t.runs for t in ours.tanks)} runs of "
+        f"Calibration, seed {ours.seed}, by PyBullet: {sum(t.runs for t in ours.tanks)} runs of "
         f"{one(t.duration for t in ours.tanks)} tu in {len(kinds)} tanks, of {listed(watched)} cubes in the "
         f"states that earlier rates predict at {listed(times)} tu."
     )
+    by = {engine: [t for t in held.tanks if (t.engine or "pybullet") == engine] for engine in ("pybullet", "own")}
+    said = {
+        engine: listed(
+            [
+                f"{t.runs} of {cubes_in(t.composition)} cubes"
+                + ("" if t.tank is None else f" in {' x '.join(f'{edge:g}' for edge in t.tank)}")
+                for t in tanks
+            ]
+        )
+        for engine, tanks in by.items()
+    }
+    lengths = sorted({(cubes_in(t.composition), t.duration) for t in held.tanks if t.duration != 2000.0})
     held_out = (
-        f"Held out, seed {held.seed}: {sum(t.runs for t in held.tanks)} runs of "
-        f"{one(t.duration for t in held.tanks)} tu from single cubes, {one(t.runs for t in single)} each of {sizes[0]}"
-        f", and {one(t.runs for t in other)} each of {sizes[1]} in a tank of {edges}, twice the volume."
+        f"Held out, seed {held.seed}, {sum(t.runs for t in held.tanks)} runs of 2,000 tu from single cubes "
+        f"({listed([f'{cubes} cubes: {time:,.0f} tu' for cubes, time in lengths])}): by PyBullet {said['pybullet']}; "
+        f"by our own engine {said['own']}."
     )
+    low, high = rules.pooled_breaks or rules.pooled_ratio
     verdict = (
         f"Verdict: p of every row of events at least {rules.p_row:g}; seen / expected from {rules.ratio[0]:g} to "
-        f"{rules.ratio[1]:g} wherever {rules.from_events:g} events are expected, and from {rules.pooled_ratio[0]:g} to "
-        f"{rules.pooled_ratio[1]:g} over all sizes, for joins and for breaks; p of all single runs above "
-        f"{rules.p_pit:g}; and `{rules.control}` breaks, the control, fail."
+        f"{rules.ratio[1]:g} wherever {rules.from_events:g} events are expected; over all sizes from "
+        f"{rules.pooled_ratio[0]:g} to {rules.pooled_ratio[1]:g} for joins and from {low:g} to {high:g} for breaks; "
+        f"p of all single runs above {rules.p_pit:g}; and two controls fail: `{rules.control}` breaks, and the same "
+        f"break model without crowding."
     )
     return bullets([calibration, held_out, verdict])
 
@@ -74,14 +86,12 @@ def made(study: Study) -> str:
     known = study.rates.evidence
     channels = study.stored("calibration.json")["channels"]
     joins = [row["events"] for row in channels if "+" in row["channel"].split("->")[0]]
-    breaks = sum(row["events"] for row in channels) - sum(joins)
-    added = re.search(r"The last \w+ calibration runs were added.*", study.plan.purpose)
-    wanted = re.search(r"(\d+) events a join channel and (\d+) breaks", study.plan.purpose)
+    breaks = [row["events"] for row in channels if "+" not in row["channel"].split("->")[0]]
+    added = re.search(r"The last \w+ calibration runs were added[^.]*\.", study.plan.purpose)
     return paragraph(
-        f"The {known['runs']} calibration runs took {known['cpu_seconds'] / 60:.0f} min of CPU time; "
+        f"The {known['runs']} calibration runs took {known['cpu_seconds'] / 3600:.1f} h of CPU time; "
         f"{known['runs_left_out'] or 'none'} had to be left out. They contain {sum(joins):,} joins, at least "
-        f"{min(joins)} per channel (planned: {wanted[1]}), and {breaks} breaks (planned: {wanted[2]}). "
-        f"{added[0] if added else ''}"
+        f"{min(joins)} per channel, and {sum(breaks):,} breaks, at least {min(breaks)}. {added[0] if added else ''}"
     )
 
 
@@ -145,23 +155,28 @@ def reason(study: Study) -> str:
     """Why one model was chosen, and what its shape means in this tank."""
     found = study.stored("calibration.json")["breaks"]
     text = f"`calibrate` says: {found['reason']}."
-    shape = study.rates.breaks.shape
-    if "wall" in shape and study.plan.name == "line4":
-        share = [shape["wall"] / (shape["wall"] + (n - 1) * 4 ** shape["alpha"]) for n in (15, 30)]
-        text += f" In a tank of 15 lines of four the walls cause {share[0]:.0%} of the breaks, in one of 30 "
-        text += f"{share[1]:.0%}."
     return paragraph(text)
 
 
-def logged_hits(study: Study) -> str:
-    """Breaks counted beside those that logged hits promise."""
-    found = study.stored("loads.json")
-    rows = [
-        (row["species"], str(row["counted"]), f"{row['expected']:.0f} ± {row['error']:.0f}", f"{row['z']:+.1f}")
-        for row in found["checks"]
-    ]
-    titles = ("struck", "breaks counted", f"expected from hits above {found['log_above']:g}, of every fifth run", "z")
+def crowding_chosen(study: Study) -> str:
+    """The models of crowding that the calibration runs chose, by the hits that broke a bond and by all joins."""
+    found, rows = study.stored("calibration.json")["crowding"], []
+    for source, model in found["chosen"].items():
+        fits = [fit for fit in found["fits"] if fit["source"] == source]
+        hardest = [fit for fit in fits if fit["above"] == max(each["above"] for each in fits)]
+        for fit in hardest:
+            value = "" if fit["value"] is None else f"{fit['value']:.2f} [{fit['low']:.2f}, {fit['high']:.2f}]"
+            ratios = [row["ratio"] for row in fit["tanks"]]
+            name = f"`{fit['model']}`" + (" (chosen)" if fit["model"] == model else "")
+            above = f"{fit['above']:g}" if fit["above"] else ""
+            aic = fit["aic"] - min(each["aic"] for each in hardest)
+            rows.append((source, above, f"{fit['events']}", name, value, f"{aic:.1f}", _span(ratios)))
+    titles = ("events by", "above", "events", "crowding", "parameter [95 %]", "AIC above the least", "60 and 160 cubes")
     return table(titles, rows)
+
+
+def _span(ratios: list[float]) -> str:
+    return f"{min(ratios):.2f} to {max(ratios):.2f}"
 
 
 def hits_by_tank(study: Study) -> str:
@@ -194,19 +209,6 @@ def hits_of_three(study: Study) -> str:
     chosen = ", ".join(f"{model} for {source}" for source, model in found["chosen"].items())
     titles = ("hits by", "above", "shared", "third", "reach", "beyond")
     return f"{table(titles, rows)}\n\n{paragraph(f'Chosen: {chosen}.')}"
-
-
-def exponents(study: Study) -> str:
-    """How hits grow with the partner's size, level by level."""
-    found = study.stored("loads.json")
-    said = [
-        f"{row['alpha']:.2f} ({row['low']:.2f} to {row['high']:.2f}) above {row['level']:.4g}"
-        for row in found["exponents"]
-    ]
-    return paragraph(
-        f"In {found['runs']} runs, the hits of one body on another grow with the partner's size to the power of "
-        f"{', '.join(said)}."
-    )
 
 
 def pairs(study: Study) -> str:
@@ -264,19 +266,47 @@ def made_so_far(study: Study) -> str:
 
 
 def event_table(study: Study) -> str:
-    """Joins and breaks, a line a size, from events.csv."""
+    """Joins and breaks, a line a kind of run, from events.csv."""
     rows = study.events
     runs = {row["label"]: row["runs"] for row in study.summaries}
     runs["all sizes"] = sum(runs.values())
     lines = []
     for size in dict.fromkeys(rows["size"]):
-        cells = [size, str(runs[size])]
+        engine = rows[rows["size"] == size].get("engine", pd.Series([""])).iloc[0]
+        cells = [size, {"pybullet": "PyBullet", "own": "own"}.get(engine, ""), str(runs[size])]
         for group in ("joins", "breaks"):
             (row,) = rows[(rows["size"] == size) & (rows["group"] == group)].to_dict("records")
             cells += [ratio(row["seen"], row["expected"]), f"{row['p']:.2g}", f"{row['p_scatter']:.2g}"]
         lines.append(cells)
-    titles = ("held out", "runs", "joins: seen / expected", "p", "p of their scatter")
+    titles = ("held out", "engine", "runs", "joins: seen / expected", "p", "p of their scatter")
     return table((*titles, "breaks: seen / expected", "p", "p of their scatter"), lines)
+
+
+def joins_by_mass_action(study: Study) -> str:
+    """Joins seen over those expected by the rates of the control without crowding, in all held-out runs."""
+    folder, network = study.folder / "runs", book_of(study.plan.scene)[1].network
+    rates, ratios = Rates.load(study.folder / "uncrowded.toml"), {}
+    total = np.zeros(2)
+    for tanks, label in zip(study.plan.held_out.tanks, (row["label"] for row in study.summaries), strict=True):
+        scene, found = study.plan.scene_of(tanks), np.zeros(2)
+        specs = [spec for spec in study.plan.specs(study.plan.held_out) if spec.scene == scene]
+        specs = [spec for spec in specs if spec.composition == tanks.composition]
+        model = rates.expected(network, Tank(scene.tank.size))
+        is_join = np.array(["+" in name.split("->")[0] for name in model.channels])
+        for spec in specs:
+            path = record_at(str(folder / f"{spec.key}.run"), folder).path
+            times = np.minimum(path.times, spec.duration)  # a run ends with a whole step, a little later
+            waits = np.diff(np.concatenate([[0.0], times, [spec.duration]]))
+            fired = path.channels[path.times <= spec.duration].tolist()
+            seen = sum("+" in network.channels[channel].split("->")[0] for channel in fired)
+            found += seen, (waits @ model.propensities(path.states))[is_join].sum()
+        ratios[label] = found[0] / found[1]
+        total += found
+    least, most = min(ratios, key=ratios.__getitem__), max(ratios, key=ratios.__getitem__)
+    return paragraph(
+        f"With the rates of the control without crowding, joins seen / expected are {ratio(total[0], total[1])} over "
+        f"all sizes, from {ratios[least]:.2f} ({least}) to {ratios[most]:.2f} ({most})."
+    )
 
 
 def rules(study: Study) -> str:
@@ -310,38 +340,31 @@ def missed(study: Study) -> str:
 def several(study: Study) -> str:
     """How many breaks had several partners at once, run by run."""
     known = study.plan
-    of: dict[str, dict[tuple[int, str], list[int]]] = {"calibration": {}, "held out": {}}
+    of: dict[str, dict[tuple[str, str, int], list[int]]] = {"calibration": {}, "held out": {}}
     for manifest, arrays in RunStore.found(study.folder / "runs").contents():
         kind = "calibration" if manifest["inputs"]["seed"] == known.calibration.seed else "held out"
-        size = manifest["inputs"]["scene"]["tank"]["size"]
-        key = cubes_in(manifest["inputs"]["composition"]), " x ".join(f"{edge:g}" for edge in size)
+        scene = manifest["inputs"]["scene"]
+        engine = scene["numerics"].get("engine", "pybullet")
+        size = " x ".join(f"{edge:g}" for edge in scene["tank"]["size"])
+        key = engine, size, cubes_in(manifest["inputs"]["composition"])
         counts = of[kind].setdefault(key, [0, 0])
         counts[0] += int((arrays["partners"] == BY_SEVERAL).sum())
         counts[1] += int((arrays["partners"] != NO_BREAK).sum())
     usual = " x ".join(f"{edge:g}" for edge in Scene.load(known.scene).tank.size)
     said = {
         kind: [
-            f"{seen} of {breaks} ({seen / breaks:.0%}) at {cubes} cubes" + ("" if tank == usual else f" in {tank}")
-            for (cubes, tank), (seen, breaks) in sorted(counts.items(), key=lambda each: (each[0][1] != usual, each[0]))
+            f"{seen} of {breaks} ({seen / breaks:.0%}) at {cubes} cubes"
+            + ("" if tank == usual else f" in {tank}")
+            + (" by our own engine" if engine == "own" else "")
+            for (engine, tank, cubes), (seen, breaks) in sorted(
+                counts.items(), key=lambda each: (each[0][0] == "own", each[0][1] != usual, each[0])
+            )
         ]
         for kind, counts in of.items()
     }
     return paragraph(
         f"Several partners touched a structure at once in {listed(said['calibration'])} of the calibration runs, and "
         f"in {listed(said['held out'])} of the held-out ones."
-    )
-
-
-def next_model(study: Study) -> str:
-    """Breaks seen and expected under the next model, and the rules of the plan."""
-    found = study.stored("next-validation.json")
-    rows = [row for row in found["events"] if row["group"] == "breaks"]
-    told = [f"{ratio(row['seen'], row['expected'])} at {row['size']}" for row in rows]
-    bars = [f"{row['rule']}: {WORDS[row['is_kept']]}" for row in found["rules"]]
-    model = Rates.load(study.folder / "next-rates.toml").breaks.model
-    return paragraph(
-        f"Under `{model}`, breaks seen / expected are {listed(told)}; p of them is at least "
-        f"{min(row['p'] for row in rows):.2g}. The rules of the plan: {'; '.join(bars)}."
     )
 
 
@@ -418,8 +441,7 @@ BLOCKS: dict[str, Callable[[Study], str]] = {
     "partners": who_broke,
     "models": model_table,
     "reason": reason,
-    "logged_hits": logged_hits,
-    "exponents": exponents,
+    "crowding": crowding_chosen,
     "hits_by_tank": hits_by_tank,
     "hits_of_three": hits_of_three,
     "pairs": pairs,
@@ -427,10 +449,10 @@ BLOCKS: dict[str, Callable[[Study], str]] = {
     "held": made_so_far,
     "events": event_table,
     "rules": rules,
+    "mass_action": joins_by_mass_action,
     "verdict": verdict,
     "missed": missed,
     "several": several,
-    "next": next_model,
     "summary": summary_table,
     "paper": beside_the_paper,
 }
@@ -454,11 +476,5 @@ def numbers(text: str) -> Counter[str]:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["calibration"]:
-        line4 = Study("line4")
-        runs = line4.folder.relative_to(ROOT) / "runs"
-        files = [runs / f"{spec.key}.run" for spec in line4.plan.specs(line4.plan.calibration)]
-        sys.stdout.write(" ".join(map(str, files)))
-    else:
-        for page in PAGES:
-            page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8")
+    for page in PAGES:
+        page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8")
