@@ -270,7 +270,7 @@ held_out = {
         for record in whole
         if record.spec.composition == {"monomer": n} and record.spec.scene.numerics.engine == "pybullet"
     ]
-    for n in sizes
+    for n in (60, 80, 120)
 }
 {label: len(runs) for label, runs in held_out.items()}
 
