@@ -158,7 +158,7 @@ def validate(
         for line in [in_one_sentence(rules), *(f"  {bar.sentence}" for bar in rules), ""] if rules else []:
             click.echo(line)
         click.echo(comparison_table(study) if isinstance(study, ValidationStudy) else growth_tables(study))
-    if report and isinstance(study, ValidationStudy):  # last: whatever befalls a file, what it took so long is told
+    if report and isinstance(study, ValidationStudy):  # last, so that a report that cannot be written loses no result
         validation_report(study, rules).write(report, data=True)
     leave(study.outcome.problems, any(bar.is_kept is False for bar in rules))
 

@@ -284,7 +284,7 @@ class Chain:
         return self.transitions, self.initial
 
     def _ever(self, found: Callable[[Floats], Answer], first: FirstPhase | None) -> Answer:
-        """The answer of a question without end from a start (N,), from a first phase on if there is one."""
+        """The answer to an unbounded question, from the initial distribution or after a first phase."""
         if first is None:
             return self._answer(lambda: found(self.initial), EQUATIONS)
         return first.then(lambda start, _: self._answer(lambda: found(start), EQUATIONS), 0.0).clipped()

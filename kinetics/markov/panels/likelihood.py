@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import expm1, inf
 from typing import Any
 
@@ -18,7 +19,7 @@ import numpy as np
 from kinetics.markov.panels.base import Likelihood, Observed, Scored
 from kinetics.markov.panels.bridges import KnownSteps, Narrowing
 from kinetics.markov.panels.data import PanelData, PanelRun
-from kinetics.markov.panels.fans import Cut, FanPass, FanStep
+from kinetics.markov.panels.fans import Cut, Fan, FanPass, FanStep
 from kinetics.markov.panels.few_states import FewPass, FewStates
 from kinetics.markov.panels.moving_windows import StepFinder
 from kinetics.markov.panels.panel_step import PanelStep
@@ -122,7 +123,7 @@ class PanelLikelihood(Likelihood):
             together = FewPass(structure.few, network, data, nothing)
             if together.fits():
                 return together.filtered
-        cut = structure.cut
+        cut = self._cut
         found: list[list[tuple[Ints, Floats]]] = []
         for parts in cut.of_runs:
             found.append([])
@@ -145,8 +146,8 @@ class PanelLikelihood(Likelihood):
             if together.fits():
                 yield together, 1
                 return
-        for place, fan in enumerate(structure.cut.fans):
-            at = structure.fan_step(place, network, data)
+        for place, fan in enumerate(self._cut.fans):
+            at = structure.fan_step(place, fan, network, data)
             if at is not None:
                 yield FanPass(at, structure.chain(at, network), network, data, slopes), 1
                 continue
@@ -177,6 +178,11 @@ class PanelLikelihood(Likelihood):
             passed.score(slopes)
         return passed
 
+    @cached_property
+    def _cut(self) -> Cut:
+        """The parts of the runs, whatever the rates."""
+        return Cut.of(self.model.network, self.data)
+
     def _structure(self, network: Network, data: PanelData) -> _Structure:
         """What does not depend on the rates but for which of them are 0; of rate laws, on no change of a parameter.
 
@@ -193,21 +199,20 @@ class PanelLikelihood(Likelihood):
 
 
 class _Structure:
-    """All states, where they are few; else the parts of the runs, and what was found of each, by its place."""
+    """All states, where they are few; else what was found of each part of the runs, by its place."""
 
     def __init__(self, network: Network, data: PanelData) -> None:
         check_homogeneous(network)
         self.few = FewStates.of(network, data)
-        self.cut = Cut.of(network, data)
         self.steps: dict[tuple[int, int], list[PanelStep]] = {}
         self._fans: dict[int, FanStep | None] = {}
         self._over: dict[bytes, PanelStep] = {}
         self._chain: tuple[Network | None, dict[int, Transitions]] = (None, {})
 
-    def fan_step(self, place: int, network: Network, data: PanelData) -> FanStep | None:
+    def fan_step(self, place: int, fan: Fan, network: Network, data: PanelData) -> FanStep | None:
         """The step of a fan; None if its parts are gone over one by one."""
         if place not in self._fans:
-            self._fans[place] = FanStep.of(network, data, self.cut.fans[place], self._over)
+            self._fans[place] = FanStep.of(network, data, fan, self._over)
         return self._fans[place]
 
     def chain(self, at: FanStep, network: Network) -> Transitions:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import RATE_ERROR
-from kinetics.native import twins
+from kinetics.native import linear
 from kinetics.support.arrays import Floats
 
 REFINEMENTS = 8  # at most; one or two are the rule
@@ -127,7 +127,7 @@ class Equations(ABC):
             for _ in range(REFINEMENTS):
                 if not np.isfinite(left).all():
                     return prior
-                twins.corrected(high, low, solve(left))
+                linear.corrected(high, low, solve(left))
                 left, doubt = self._left(weights, high, low, is_occupation)
                 errors = self.at_most(np.abs(left) + doubt, begun, is_occupation)
                 if (errors[~nothing] <= FINE * high[~nothing]).all():
@@ -142,7 +142,7 @@ class Equations(ABC):
         """The residual (n,) of a solution in double-double pairs, and a bound on its rounding error."""
         left = np.stack([weights, np.zeros_like(weights)], axis=1)
         sizes = np.abs(weights)
-        twins.take_off(is_occupation, *self._rates, high, low, left, sizes)
+        linear.take_off(is_occupation, *self._rates, high, low, left, sizes)
         rest = left.sum(axis=1)
         return rest, self._terms * (PAIRS * sizes + SMALLEST) + ROUNDOFF * np.abs(rest)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from kinetics.markov.passage.certified import Equations
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import RATE_ERROR, totals
-from kinetics.native import twins
+from kinetics.native import linear
 from kinetics.support.arrays import Floats
 from kinetics.support.interrupts import heard
 from kinetics.support.packages import sparse
@@ -58,7 +58,7 @@ class Elimination(Equations):
         self._band = np.zeros((n, 2 * self.width + 1))
         np.add.at(self._band, (here, there - here + self.width), rates)
         self._exits = np.empty(n)
-        changes = twins.reduce(self._band, leaving[self._order].copy(), self._exits)
+        changes = linear.reduce(self._band, leaving[self._order].copy(), self._exits)
         # On the way back each figure is a sum of `width` products, of figures found so.
         self.error = float(np.expm1(1.001 * ROUNDOFF * (10.0 * changes + n * (self.width + 2.0 * self.given + 8.0))))
 
@@ -70,7 +70,7 @@ class Elimination(Equations):
         if not self._exits.all():
             return np.full(weights.size, np.inf)
         x = weights[self._order].astype(float)
-        twins.solve(self._band, self._exits, x)
+        linear.solve(self._band, self._exits, x)
         return self._back(x)
 
     def occupation(self, start: Floats) -> Floats:
@@ -78,13 +78,13 @@ class Elimination(Equations):
         if not self._exits.all():
             return np.full(start.size, np.inf)
         x = start[self._order].astype(float)
-        twins.occupy(self._band, self._exits, x)
+        linear.occupy(self._band, self._exits, x)
         return self._back(x)
 
     def stationary(self) -> Floats:
         """Probabilities (n,) that do not change, of an irreducible chain that nothing leaves."""
         x = np.empty(self._order.size)
-        twins.balance(self._band, x)
+        linear.balance(self._band, x)
         return self._back(x / x.sum())
 
     def at_most(self, weights: Floats, like: Floats, is_occupation: bool = False) -> Floats:  # noqa: ARG002

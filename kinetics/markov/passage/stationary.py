@@ -16,7 +16,7 @@ from kinetics.markov.passage.until import UNDERFLOW
 from kinetics.markov.transient import StateSpace, Transitions
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import totals
-from kinetics.native import twins
+from kinetics.native import linear
 from kinetics.support import plots
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Counts, Floats, read_only
@@ -259,7 +259,7 @@ def _guessed(chain: Transitions) -> Floats:
     table: Any = sparse.csr_array((chain.rates, (chain.rows, chain.columns)), shape=(chain.size, chain.size))
     table.sum_duplicates()
     logs = np.empty(chain.size)
-    twins.balanced(table, chain.exits, logs)
+    linear.balanced(table, chain.exits, logs)
     return np.exp(np.maximum(logs - float(logs.max()), LOWEST))
 
 

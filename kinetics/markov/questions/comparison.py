@@ -106,7 +106,7 @@ class ComparisonQuestion(Question):
 
     @property
     def conditions(self) -> tuple[StateFormula, ...]:
-        """Those of what is compared."""
+        """The conditions of the question that is compared."""
         return self.asked.conditions
 
     @property

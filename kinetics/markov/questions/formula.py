@@ -151,7 +151,7 @@ class StateFormula:
 
 
 def state_name(chain: Chain, row: int) -> str:
-    """A state in words: its number, and the values of its variables."""
+    """The number of a state and the values of its variables, as errors name it."""
     if chain.counts is None or not chain.variables:
         return f"state {row}"
     values = zip(chain.variables, np.asarray(chain.counts)[row].tolist(), strict=True)

@@ -17,7 +17,7 @@ from kinetics.kernels import statistics as tallies
 from kinetics.kernels.ensemble_work import BEFORE, EVENTS, RUN, ensemble_work, never
 from kinetics.markov.transient import reachable
 from kinetics.markov.transient.search import key_multipliers, keys_of
-from kinetics.native import library, state_tables, twins
+from kinetics.native import library, linear, state_tables, twins
 from kinetics.native.lanes import Lanes
 from kinetics.network import Network
 from kinetics.rates.breaks import break_model
@@ -310,7 +310,7 @@ def test_stationary_weights_are_the_same(scale):
     rng = np.random.default_rng(6)
     n, b = 150, 6
     band = rng.random((n, 2 * b + 1)) * scale  # where weights grow beyond double they are scaled
-    assert_same(twins.balance, elimination.balance, (band, np.empty(n)))
+    assert_same(linear.balance, elimination.balance, (band, np.empty(n)))
 
 
 def test_a_first_guess_of_the_stationary_distribution_is_the_same():
@@ -320,7 +320,7 @@ def test_a_first_guess_of_the_stationary_distribution_is_the_same():
     table = sparse.csr_array(rates)
     arrays = table.indptr, table.indices, table.data, rates.sum(axis=1)
     found, guessed = np.empty(200), np.empty(200)
-    twins.balanced(table, arrays[-1], found)
+    linear.balanced(table, arrays[-1], found)
     balance.balanced(*arrays, guessed)
     assert_array_equal(found, guessed)
 
@@ -362,17 +362,17 @@ def test_elimination_and_its_residuals_are_the_same(is_occupation):
     def reduced(*arguments):
         return elimination.reduce(*arguments, 0, n)
 
-    band, _, exits = assert_same(twins.reduce, reduced, (band, leaving, np.empty(n)))
-    in_c, by_numba = (twins.occupy, elimination.occupy) if is_occupation else (twins.solve, elimination.solve)
+    band, _, exits = assert_same(linear.reduce, reduced, (band, leaving, np.empty(n)))
+    in_c, by_numba = (linear.occupy, elimination.occupy) if is_occupation else (linear.solve, elimination.solve)
     _, _, high = assert_same(in_c, by_numba, (band, exits, rng.random(n)))
     low, left = 1e-17 * rng.random(n), np.stack([rng.random(n), np.zeros(n)], axis=1)
     by_numba = residuals.occupied if is_occupation else residuals.accumulated
     assert_same(
-        lambda *arrays: twins.take_off(is_occupation, *arrays),
+        lambda *arrays: linear.take_off(is_occupation, *arrays),
         by_numba,
         (rows, columns, rates, leaving, high, low, left, np.zeros(n)),
     )
-    assert_same(twins.corrected, residuals.corrected, (high, low, 1e-16 * rng.random(n)))
+    assert_same(linear.corrected, residuals.corrected, (high, low, 1e-16 * rng.random(n)))
     exits[n // 2] = 0.0
     for each in (in_c, elimination.occupy if is_occupation else elimination.solve):
         with pytest.raises(ZeroDivisionError):
