@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from known_systems import bare_line, line
 from matplotlib.axes import Axes
-from test_arrows import SOURCES
+from tests.test_arrows import SOURCES
 
 from kinetics import (
     Auto,

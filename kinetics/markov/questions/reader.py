@@ -278,6 +278,7 @@ def tokens_of(text: str) -> list[Token]:
         raise ValueError(f"{text!r} is no question; expected text, as in 'P=? [ F<=100 A >= 1 ]'")
     if len(text) > LONGEST:
         raise ValueError(f"a question of {len(text)} characters; at most {LONGEST} are read")
-    found = [(each.lastgroup or "", each) for each in PIECE.finditer(text)]
+    # Without blanks at the end every place begins a token: tried at each of many blanks, a match is quadratic in them.
+    found = [(each.lastgroup or "", each) for each in PIECE.finditer(text.rstrip())]
     ends = [Token("end", "", len(text))] * 3  # one may look beyond the first
     return [*(Token(kind, each[kind], each.start(kind)) for kind, each in found), *ends]

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_kinetics_commands import run
+from tests.kinetics.commands.test_kinetics_commands import run
 
 from kinetics.rates import Rates
 

@@ -6,7 +6,7 @@ from known_systems import assert_follows_cdf, assert_follows_table, line
 from numpy.testing import assert_array_equal
 from sampled_networks import MIXED, PRODUCTS, THIRD_ORDER, ring
 from scipy.stats import binom, nbinom, poisson
-from test_ssa_methods import plain_python
+from tests.kinetics.sampling.test_ssa_methods import plain_python
 
 from kinetics import Direct, Transient, sample_path, verify
 from kinetics.kernels import general, outcomes

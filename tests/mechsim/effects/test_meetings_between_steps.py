@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from test_bonding import CAPTURE, COSINE, EDGE, SIDEWAYS, find, naive, turned
+from tests.mechsim.effects.test_bonding import CAPTURE, COSINE, EDGE, SIDEWAYS, find, naive, turned
 
 from mechsim.effects.faces import FacesWithinReach
 

@@ -70,7 +70,7 @@ def test_calibrate_reads_them(store, tmp_path):
     for name in ("counts.csv", "counts.parquet"):
         data = read_counts(NETWORK, tmp_path / name)
         assert (len(data.runs), data.looks) == (2, 8)
-        assert all(run.initial.tolist() == [6, 0, 0, 0] and run.times.size == 4 for run in data.runs)
+        assert all(run.initial.tolist() == [[6, 0, 0, 0]] and run.times.size == 4 for run in data.runs)
 
 
 def test_without_the_option_there_is_no_such_table(store, tmp_path):
