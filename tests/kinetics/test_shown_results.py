@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from known_systems import bare_line, line
 from matplotlib.axes import Axes
-from tests.test_arrows import SOURCES
 
 from kinetics import (
     Auto,
@@ -39,6 +38,7 @@ from kinetics.assembly import RuleBook
 from kinetics.predicting import count_elasticities
 from kinetics.support.shown import Shown, Tabular
 from kinetics.trust.accuracy.diagram import measure
+from tests.test_arrows import SOURCES
 
 TIMES = np.linspace(0.0, 500.0, 26)
 START = [30, 0, 0, 0]

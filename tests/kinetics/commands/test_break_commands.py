@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from tests.kinetics.commands.test_kinetics_commands import run
 
 from kinetics.rates import Rates
+from tests.kinetics.commands.test_kinetics_commands import run
 
 HAND = """
 tank = [2.0, 2.0, 3.0]

@@ -6,7 +6,6 @@ from known_systems import assert_follows_cdf, assert_follows_table, line
 from numpy.testing import assert_array_equal
 from sampled_networks import MIXED, PRODUCTS, THIRD_ORDER, ring
 from scipy.stats import binom, nbinom, poisson
-from tests.kinetics.sampling.test_ssa_methods import plain_python
 
 from kinetics import Direct, Transient, sample_path, verify
 from kinetics.kernels import general, outcomes
@@ -16,6 +15,7 @@ from kinetics.runs import TruncatedRunsError
 from kinetics.sampling import General
 from kinetics.sampling.base import stream_key
 from kinetics.sampling.watch import Watch
+from tests.kinetics.sampling.test_ssa_methods import plain_python
 
 BIRTH_DEATH = {"birth": ({}, {"X": 1}), "death": ({"X": 1}, {})}
 DECAY = {"death": ({"X": 1}, {})}

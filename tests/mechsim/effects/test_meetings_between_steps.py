@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from tests.mechsim.effects.test_bonding import CAPTURE, COSINE, EDGE, SIDEWAYS, find, naive, turned
 
 from mechsim.effects.faces import FacesWithinReach
+from tests.mechsim.effects.test_bonding import CAPTURE, COSINE, EDGE, SIDEWAYS, find, naive, turned
 
 LEVEL = [np.eye(3), np.eye(3)]
 MET = {(0, 4, 1, 5)}
