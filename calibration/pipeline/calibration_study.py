@@ -18,7 +18,7 @@ from kinetics.runs import JumpPath
 from mechsim.effects import EFFECTS
 from mechsim.runs.ensemble import Outcome
 from mechsim.runs.executors import Executor
-from mechsim.runs.record import PHYSICS, RunRecord, book_of, kinds
+from mechsim.runs.record import RunRecord, book_of, kinds
 from mechsim.runs.species import some_of
 from mechsim.scene import Scene
 
@@ -149,6 +149,6 @@ def evidence_of(outcome: Outcome, packages: Iterable[str]) -> dict[str, Any]:
         "runs_left_out": len(outcome.problems),
         "runs_digest": outcome.digest,
         "cpu_seconds": round(outcome.cpu_seconds, 1),
-        "physics": PHYSICS,
+        "physics": outcome.sound[0].spec.physics,
         "versions": {name: version(name) for name in ("wellmixed", *packages)},
     }

@@ -24,7 +24,7 @@ from kinetics.support.packages import pd
 from kinetics.support.shown import Tabular
 from mechsim.runs.ensemble import Outcome
 from mechsim.runs.executors import Executor
-from mechsim.runs.record import PHYSICS, RunRecord, RunSpec, book_of
+from mechsim.runs.record import RunRecord, RunSpec, book_of
 from mechsim.runs.species import species_of
 
 POINTS = 41  # times of a comparison
@@ -108,10 +108,11 @@ def check_held_out(runs: StudyRuns, rates: Rates | ClassRates) -> None:
     seen = rates.evidence.get("seeds", [rates.evidence.get("seed")])
     if runs.seed in seen:
         raise ValueError(f"the rates were calibrated with seed {runs.seed} too; held-out runs need another --seed")
-    if rates.evidence.get("physics", PHYSICS) != PHYSICS:
+    physics = runs.specs[0].physics
+    if rates.evidence.get("physics", physics) != physics:
         raise ValueError(
-            f"the rates come from version {rates.evidence['physics']} of the mechanics, and held-out runs are made by "
-            f"version {PHYSICS}, in which the same inputs give other runs; calibrate again"
+            f"the rates come from version {rates.evidence['physics']} of the mechanics, and held-out runs are of "
+            f"version {physics}, in which the same inputs give other runs; calibrate again"
         )
     if isinstance(rates, Rates):
         rates.apply(book_of(runs.scene.rules)[1].network)

@@ -15,7 +15,7 @@ from msgspec import Meta
 
 from kinetics.support.config import is_path, read_toml, write_toml
 from kinetics.support.settings import AtLeastOne, Positive, Settings, validated
-from mechsim.runs.record import RunSpec
+from mechsim.runs.record import PHYSICS, RunSpec
 from mechsim.scene import Scene
 
 
@@ -76,15 +76,17 @@ class StudyPlan(Settings):
     breaks : name of a break model, or `auto` for the one that the calibration runs choose
     crowding : name of a model of crowding, or `auto` for those that hits logged in the calibration runs choose
     purpose : for the reader, what the plan is to find out and how its numbers were chosen
+    physics : version of the mechanics of its runs; an earlier one than today's names stored runs, which can be read
     """
 
-    unless_usual: ClassVar[tuple[str, ...]] = ("crowding",)
+    unless_usual: ClassVar[tuple[str, ...]] = ("crowding", "physics")
     name: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*\Z", max_length=80)]
     purpose: str = ""
     scene: str
     log_above: Positive | None = None
     breaks: str = "auto"
     crowding: str = "none"
+    physics: int = PHYSICS
     calibration: PlannedRuns
     held_out: PlannedRuns
     verdict: VerdictRules = VerdictRules()
@@ -117,6 +119,7 @@ class StudyPlan(Settings):
     def fingerprint(self) -> str:
         """SHA-256 of the plan's content, the scene by its name: the same wherever plan and scene are kept."""
         content = self.as_dict() | {"scene": Path(self.scene).name}
+        content.pop("physics", None)  # the mechanics' own, and not what was planned
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def scene_of(self, tanks: Tanks) -> Scene:
@@ -132,8 +135,8 @@ class StudyPlan(Settings):
         for tanks in part.tanks:
             scene = self.scene_of(tanks)
             specs += [
-                RunSpec(scene, tanks.composition, tanks.duration, part.seed, len(specs) + i, restart=tanks.restart)
-                for i in range(tanks.runs)
+                RunSpec(scene, tanks.composition, tanks.duration, part.seed, run, tanks.restart, physics=self.physics)
+                for run in range(len(specs), len(specs) + tanks.runs)
             ]
         return specs
 

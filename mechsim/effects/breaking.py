@@ -54,6 +54,9 @@ class Breaking(Effect, tag="breaking"):
         unit and at most the threshold, also those that break nothing; none: no log. It changes nothing that happens.
         Down to .6 of the threshold a step takes hardly longer (`tests.benchmarks.bench_load_log`)
 
+    Of several bodies and walls that touch a structure in one step, each that bounces is a collision of its own, whose
+    load adds to that of those that rest on it, and not to one another's: how often two collisions fall into one step
+    is the step's doing.
     Bonds in a loop carry a load that rigid-body mechanics leaves open; they do not break one at a time.
     The paper breaks a bond whose face gap exceeds a threshold; in a constraint solver that gap shrinks with the
     step squared, so it is no property of the collision. The impulse is, and the change of velocity.
@@ -116,6 +119,11 @@ def most_of_a_push(bridges: Bridges, levers: np.ndarray, cubes: np.ndarray, boun
     )
 
 
+def _partner(slot: int, touch: ViewOfTouch) -> int:
+    """The other body of a touch, -1 for a wall."""
+    return touch.b if touch.a == slot else touch.a
+
+
 class _Breaking(Action):
     def __init__(self, settings: Breaking, world: ViewOfWorld):
         self.settings, self.world = settings, world
@@ -145,7 +153,7 @@ class _Breaking(Action):
                 if slot >= 0 and len(bodies.members[slot]) > 1:
                     touched.setdefault(slot, []).append(touch)
         struck = [slot for slot in sorted(touched) if self.may_matter(slot, touched[slot])]
-        for hit in [hit for slot in struck if (hit := self.judge(slot, touched[slot])) is not None]:
+        for hit in [hit for slot in struck for hit in self.hits(slot, touched[slot])]:
             if self.settings.log_above is not None:
                 self.world.log_hit(hit)
             if hit.breaks:
@@ -168,6 +176,23 @@ class _Breaking(Action):
             )  # fmt: skip
         return total > self.notable
 
+    def hits(self, slot: int, touches: list[ViewOfTouch]) -> list[Hit]:
+        """The notable hits of a body in a step, one a partner that bounced off it; the hardest alone if it breaks.
+
+        Collisions of two partners in one step are apart in time, if by less than the step, so that their loads do not
+        add. Surfaces that rest on the body, or touch it too slowly to bounce, take part in the load of each.
+        """
+        partners = {_partner(slot, touch) for touch in touches if touch.bounces}
+        if len(partners) < 2:
+            found = [self.judge(slot, touches)]
+        else:
+            found = [
+                self.judge(slot, [each for each in touches if not each.bounces or _partner(slot, each) == partner])
+                for partner in sorted(partners)
+            ]
+        hits = sorted((hit for hit in found if hit is not None), key=lambda hit: -hit.load)
+        return hits[:1] if hits and hits[0].breaks else hits
+
     def judge(self, slot: int, touches: list[ViewOfTouch]) -> Hit | None:
         """The load on the most loaded bond of a body, and who put it there; None where it is not notable."""
         bodies = self.world.bodies
@@ -188,7 +213,7 @@ class _Breaking(Action):
             return None
         others: dict[int, float] = {}
         for touch in touches:
-            other = touch.b if touch.a == slot else touch.a
+            other = _partner(slot, touch)
             others[other] = others.get(other, 0.0) + math.hypot(*touch.impulse)
         partner = max(others, key=lambda other: others[other])
         i, j = bridges.bonds[weakest].tolist()

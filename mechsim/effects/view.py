@@ -155,6 +155,10 @@ class ViewOfTouch(Protocol):
     def impulse(self) -> tuple[float, float, float]:
         """On `a`, mass length / tu; on `b` it is the opposite."""
 
+    @property
+    def bounces(self) -> bool:
+        """The surfaces came fast enough to bounce; else they rest on each other, or move slowly."""
+
 
 class ViewOfEngine(Protocol):
     """What effects ask of the engine of rigid bodies."""

@@ -13,6 +13,7 @@ import numpy as np
 from kinetics.support.limits import RUN_BYTES, bytes_in
 from kinetics.support.output import write_whole
 from kinetics.support.tables import text_table
+from mechsim.runs import record as mechanics
 from mechsim.runs.record import RunRecord, RunSpec, execute
 from mechsim.runs.store import DamagedRunError, decode
 
@@ -97,7 +98,7 @@ def replay(file: str | Path, last: int = 40) -> Replay:
         manifest, _ = decode(bytes_in(Path(file), RUN_BYTES), Path(file))
     except DamagedRunError as error:
         raise ValueError(f"{file} is not a valid run file: {error}") from error
-    spec = RunSpec.of_inputs(manifest["inputs"], file)
+    spec = replace(RunSpec.of_inputs(manifest["inputs"], file), physics=mechanics.PHYSICS)
     if spec.key != manifest["key"]:
         differ = [name for name, value in spec.inputs.items() if manifest["inputs"].get(name) != value]
         raise ValueError(

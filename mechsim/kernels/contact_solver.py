@@ -109,22 +109,24 @@ def solve_contacts(
 
 
 @compiled(nogil=False, error_model="python")
-def recover_overlaps(n, who, contact, position, velocity, spin, mass, least_bounce, slop, iterations, moved):
-    """Let the bodies of contacts that will bounce part by position: their overlaps then add nothing to the bounce.
+def recover_overlaps(
+    n, who, contact, position, velocity, spin, mass, least_bounce, slop, iterations, approach, moved
+):  # fmt: skip
+    """Let the bodies of contacts that bounce part by position: their overlaps then add nothing to the bounce.
 
-    Writes how far each body is to be moved to `moved` (B, 3), which `move_bodies` does, and to the first n rows of
-    `contact` the depths that are left: `slop`, at most, of those that approach at `least_bounce` or faster. Two bodies
-    move about their centre of mass, and do not turn. Contact after contact adds what the others have not yet done.
+    Writes to `approach` (M,) how fast the surfaces of each contact approach, to `moved` (B, 3) how far each body is to
+    be moved, which `move_bodies` does, and to the first n rows of `contact` the depths that are left: `slop`, at most,
+    of those that approach at `least_bounce` or faster. Two bodies move about their centre of mass, and do not turn.
+    Contact after contact adds what the others have not yet done. Bodies are moved after their impulses: before them,
+    they could be put into others that they do not touch.
 
     who (M, 2 or 4), contact (M, 7) : as `narrow_phase.find_contacts` writes them
-    iterations : rounds at most; moved : 0 before
+    velocity, spin : before any impulse; iterations : rounds at most; moved : 0 before
     """
     is_deep = False
     for c in range(n):
-        if (
-            contact[c, 6] > slop
-            and _approach(contact[c], who[c, 0], who[c, 1], position, velocity, spin) >= least_bounce
-        ):
+        approach[c] = _approach(contact[c], who[c, 0], who[c, 1], position, velocity, spin)
+        if contact[c, 6] > slop and approach[c] >= least_bounce:
             contact[c, 6] = slop - contact[c, 6]  # below 0: to be recovered
             is_deep = True
     for _ in range(iterations):

@@ -58,12 +58,16 @@ class _Inputs(_PartlyRead):
     composition: dict[str, Count]
 
 
+class _Physics(_PartlyRead):
+    wellmixed: int
+
+
 class RunInputs(_PartlyRead):
     """The inputs of a run as its file holds them: enough to make the run again."""
 
     scene: dict[str, Any]
     rules: str
-    physics: dict[str, Any]
+    physics: _Physics
     composition: dict[str, Count]
     duration: float
     seed: int

@@ -96,8 +96,9 @@ def run_all(
 
     A run that crashes, raises or hangs is tried three times, then noted in the store's quarantine. Ctrl-C stops the
     workers and is raised again; finished runs are kept. OSError: the store cannot be written, or a scheduler is gone;
-    all work stops. ValueError: a worker has other versions than this process, which would give other records. A script
-    that calls this needs the usual `if __name__ == "__main__":`.
+    all work stops. ValueError: a worker has other versions than this process, which would give other records, or a run
+    that is not stored belongs to another version of the mechanics. A script that calls this needs the usual
+    `if __name__ == "__main__":`.
 
     >>> from tempfile import TemporaryDirectory
     >>> from mechsim import RunSpec, RunStore, Scene, run_all
@@ -135,6 +136,8 @@ class _Driver:
         for key in self.records:  # who made it may have been killed before the note of earlier failures was deleted
             store.absolve(specs[key])
         self.waiting = deque(spec for key, spec in specs.items() if key not in self.records)
+        for spec in self.waiting:
+            spec.check_can_be_made()
 
     def run(self, session: Session, progress: bool | None) -> None:
         """Work until nothing waits and nothing runs."""

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from mechsim.world.world import World
 
 # Raised by hand whenever the same inputs would give another record: it is part of a run's name.
-PHYSICS = 4
+PHYSICS = 5
 FREE_SPIN = 1  # the same for scenes without drag, whose bodies we turn ourselves
 COMPLETED = "completed"
 PROGRESS_STEPS = 500
@@ -63,6 +63,7 @@ class RunSpec:
         section VI-A2)
     poses : interval at which the poses of all cubes are recorded, tu; None: never
     until : end the run at the first copy of this species, if that comes before the duration; None: run to the end
+    physics : version of the mechanics; today's, or an earlier one, whose stored runs can be read and no new ones made
 
     >>> from mechsim import RunSpec, Scene
     >>> RunSpec(Scene.load("line4"), {"monomer": 8, "dimer": 2}, duration=5.0, seed=1, run=0).title
@@ -77,6 +78,7 @@ class RunSpec:
     restart: bool = False
     poses: float | None = None
     until: str | None = None
+    physics: int = PHYSICS
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.duration) or self.duration <= 0:
@@ -128,6 +130,14 @@ class RunSpec:
         if min(size) < edge:
             raise ValueError(f"a cube of edge {edge} does not fit into a tank that is {min(size)} wide")
 
+    def check_can_be_made(self) -> None:
+        """ValueError if the run is one of another version of the mechanics than today's."""
+        if self.physics != PHYSICS:
+            raise ValueError(
+                f"{self.title} is not stored, and belongs to version {self.physics} of the mechanics: runs are made by "
+                f"version {PHYSICS}; put the stored run back, or change the physics, and with it every run"
+            )
+
     @property
     def n_cubes(self) -> int:
         """Number of cubes in the tank."""
@@ -152,7 +162,7 @@ class RunSpec:
             "run": self.run,
             "restart": self.restart,
             "poses": self.poses,
-            "physics": {"wellmixed": PHYSICS} | {name: version(name) for name in self.scene.packages},
+            "physics": {"wellmixed": self.physics} | {name: version(name) for name in self.scene.packages},
         }
         engine = engine_named(self.scene.numerics.engine)
         if engine.version > 1:
@@ -185,7 +195,8 @@ class RunSpec:
                     "holds; put it beside the run"
                 )
             scene = scene.replace(rules=str(found[0]))
-        return cls(**{f.name: inputs[f.name] for f in fields(cls) if f.name in inputs} | {"scene": scene})
+        known = {f.name: inputs[f.name] for f in fields(cls) if f.name in inputs}
+        return cls(**known | {"scene": scene, "physics": inputs["physics"]["wellmixed"]})
 
     @property
     def streams(self) -> np.random.SeedSequence:
@@ -284,6 +295,8 @@ def execute(
     progress : called with the simulated time, tu, now and then
     look : called with the world before every step and at the end
 
+    ValueError: the run is one of another version of the mechanics.
+
     >>> from mechsim import RunSpec, Scene, execute
     >>> spec = RunSpec(Scene.load("line4"), {"monomer": 4}, duration=0.1, seed=1, run=0)
     >>> execute(spec).digest == execute(spec).digest
@@ -291,6 +304,7 @@ def execute(
     """
     from mechsim.world.world import World  # the engine is loaded when a run is made, not when one is read
 
+    spec.check_can_be_made()
     book, derivation = book_of(spec.scene.rules)
     watch = EventWatch(derivation, spec.composition, spec.until)
     start = spec.start

@@ -230,6 +230,43 @@ def test_restitution_comes_out_as_declared_wherever_in_a_step_bodies_meet(entry,
 
 
 @every_engine
+@pytest.mark.parametrize(("speed", "bounces"), [(0.15, False), (0.25, True), (2.0, True)])
+def test_touches_tell_whether_surfaces_came_fast_enough_to_bounce(entry, speed, bounces, world_of):
+    """By their speed before any impulse, of bodies and of walls."""
+    installed(entry)
+    scene = scene_with(entry.name).without("agitation", "drag", "bonding", "breaking")
+    for start, other in (({"monomer": 1}, None), ({"monomer": 2}, 1)):
+        world = world_of(scene, start)
+        edge = world.bodies.edge
+        if other is not None:
+            put(world, other, [0, 0, 0])
+        put(world, 0, [0, 0, (0.45 if other is None else -edge / 2) - edge / 2 - 0.003], velocity=[0, 0, speed])
+        while not world.engine.touches():
+            collide(world)
+        assert {touch.bounces for touch in world.engine.touches()} == {bounces}
+
+
+@every_engine
+def test_bodies_that_overlap_are_put_apart_after_their_impulses(entry, world_of):
+    """A cube is struck .002 before a wall, by one that is .008 deep in it: the wall is none of this step's collisions,
+    though the cube is then put .004 aside."""
+    installed(entry)
+    world = world_of(scene_with(entry.name).without("agitation", "drag", "bonding", "breaking"), {"monomer": 2})
+    edge = world.bodies.edge
+    at = 0.45 - 0.002 - edge / 2
+    put(world, 0, [0, 0, at])
+    put(world, 1, [0, 0, at - edge + 0.008], velocity=[0, 0, 1.0])
+    collide(world)
+    assert {frozenset(touch[:2]) for touch in world.engine.touches()} == {frozenset((0, 1))}
+    # Restitution .3 leaves speeds of .35 and .65; both are put apart by half of the overlap, but for what may stay.
+    step = world.step_size
+    np.testing.assert_allclose(world.bodies.position[0, 2], at + 0.65 * step + 0.004, atol=2e-5)
+    np.testing.assert_allclose(world.bodies.position[1, 2], at - edge + 0.008 + 0.35 * step - 0.004, atol=2e-5)
+    collide(world)
+    assert {frozenset(touch[:2]) for touch in world.engine.touches() if -1 in touch[:2]} == {frozenset((0, -1))}
+
+
+@every_engine
 def test_the_same_seed_gives_the_same_record_for_any_number_of_workers(entry, tmp_path):
     installed(entry)
     specs = [RunSpec(scene_with(entry.name), START, 0.25, seed=1, run=run, poses=0.05) for run in range(3)]

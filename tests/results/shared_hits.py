@@ -42,7 +42,7 @@ class Case(NamedTuple):
     runs: int
 
 
-CASES = (Case("pybullet", 1, 12), Case("pybullet", 2, 8), Case("own", 1, 24), Case("own", 2, 20), Case("own", 4, 12))
+CASES = (Case("pybullet", 1, 30), Case("pybullet", 2, 20), Case("own", 1, 40), Case("own", 2, 30), Case("own", 4, 20))
 
 
 def scene_of(case: Case) -> Scene:

@@ -32,12 +32,13 @@ OF_ALL_ENGINES = {  # the constants above, as `Engine.in_force` reports them
 
 class Touch(NamedTuple):
     """A contact point of the last step: bodies by slot (-1: a wall), place, impulse on `a` (on `b` it is the
-    opposite)."""
+    opposite), and whether the surfaces came fast enough to bounce."""
 
     a: int
     b: int
     place: tuple[float, float, float]
     impulse: tuple[float, float, float]
+    bounces: bool = True
 
 
 class Engine(ABC):

@@ -87,7 +87,8 @@ class OwnEngine(Engine):
                 self._order, self._slot, self._offset, self._turn, self._half, self._radius, self._centre, self._axes,
                 self._do_collide, self._wall, b.position, b.orientation, b.velocity, b.spin, b.mass, b.inertia,
                 self.restitution, self.friction, LEAST_BOUNCE, RECOVERY, SLOP, self.step_size, self.iterations,
-                self._who, self._contact, self._pushed, self._ready, self._rows, self._impulse, self._moved,
+                self._who, self._contact, self._pushed, self._ready, self._rows, self._impulse, self._approach,
+                self._moved,
             )  # fmt: skip
             if found <= len(self._who):
                 break
@@ -110,13 +111,15 @@ class OwnEngine(Engine):
         if not n:
             return []
         found = []
-        for (a, b), place, impulse in zip(
-            self._who[:n, :2].tolist(), self._contact[:n, :3].tolist(), self._impulse[:n].tolist(), strict=True
-        ):
+        bounces = self._approach[:n] >= LEAST_BOUNCE
+        for (a, b), place, impulse, does_bounce in zip(
+            self._who[:n, :2].tolist(), self._contact[:n, :3].tolist(), self._impulse[:n].tolist(), bounces.tolist(),
+            strict=True,
+        ):  # fmt: skip
             if of_structures and len(members[a]) < 2 and (b < 0 or len(members[b]) < 2):
                 continue
             if any(impulse):
-                found.append(Touch(a, b, tuple(place), tuple(impulse)))
+                found.append(Touch(a, b, tuple(place), tuple(impulse), does_bounce))
         return found
 
     def in_force(self) -> dict[str, float]:
@@ -143,4 +146,4 @@ class OwnEngine(Engine):
     def _make_room(self, most: int) -> None:
         """Make room for so many contacts in a step."""
         self._who, self._contact = np.zeros((most, 4), np.int64), np.zeros((most, 7))
-        self._rows, self._impulse = np.zeros((most, 3, 17)), np.zeros((most, 3))
+        self._rows, self._impulse, self._approach = np.zeros((most, 3, 17)), np.zeros((most, 3)), np.zeros(most)

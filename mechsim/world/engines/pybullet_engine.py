@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from itertools import repeat
 from pathlib import Path
@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.kernels.contact_solver import move_bodies, recover_overlaps
+from mechsim.kernels.contact_solver import move_bodies, recover_overlaps, solve_contacts
 from mechsim.world.bodies import Bodies, BodyShape, quaternion_of
 from mechsim.world.boxes import boxes_of
-from mechsim.world.engines.base import LEAST_BOUNCE, OF_ALL_ENGINES, SLOP, Engine, Touch
+from mechsim.world.engines.base import LEAST_BOUNCE, OF_ALL_ENGINES, RECOVERY, SLOP, Engine, Touch
 
 
 @contextmanager
@@ -61,9 +61,12 @@ class PyBulletEngine(Engine):
         self._slot: dict[int, int] = {}  # engine id -> slot
         self._shapes: dict[tuple[tuple[int, int, int], ...], int] = {}
         self._walls: list[int] = []
-        self._contacts: Sequence[tuple[Any, ...]] = ()
-        self._moved = np.zeros((bodies.n_cubes, 3))
-        self._surface = {"restitution": 0.0, "lateralFriction": 0.0}
+        # Contact points of the last step: slots (-1: a wall), place, impulse on the first, did the surfaces bounce?
+        self._who, self._place, self._impulse = np.empty((0, 2), np.int64), np.empty((0, 3)), np.empty((0, 3))
+        self._bounces = np.empty(0, bool)
+        n = bodies.n_cubes
+        self._moved, self._pushed, self._ready = np.zeros((n, 3)), np.full(n, -1), np.zeros((n, 5, 3))
+        self._surface, self._friction = {"restitution": 0.0, "lateralFriction": 0.0}, 0.0
         self._collides_with = WALLS
         self.client = pybullet.connect(pybullet.DIRECT)
         pybullet.setPhysicsEngineParameter(
@@ -72,6 +75,7 @@ class PyBulletEngine(Engine):
             numSolverIterations=iterations,
             deterministicOverlappingPairs=1,
             contactBreakingThreshold=FORGETTING,
+            contactERP=0.0,  # overlaps are recovered in `_part`: the engine would add the speed for it to every bounce
             physicsClientId=self.client,
         )
 
@@ -85,7 +89,7 @@ class PyBulletEngine(Engine):
         The engine multiplies the values of two surfaces, so each gets the square root.
         """
         self._surface = {"restitution": restitution**0.5, "lateralFriction": friction**0.5}
-        self._collides_with = WALLS | CUBES
+        self._friction, self._collides_with = friction, WALLS | CUBES
         for wall in self._walls:
             pybullet.changeDynamics(wall, -1, **self._surface, physicsClientId=self.client)
 
@@ -124,7 +128,8 @@ class PyBulletEngine(Engine):
         body = self._body.pop(slot)
         del self._slot[body]
         pybullet.removeBody(body, physicsClientId=self.client)
-        self._contacts = [point for point in self._contacts if body not in point[1:3]]
+        self._impulse[(self._who == slot).any(axis=1)] = 0.0
+        self._who[self._who == slot] = -1
 
     def put(self, slot: int) -> None:
         """Hand a slot's pose and motion to the engine."""
@@ -143,39 +148,60 @@ class PyBulletEngine(Engine):
 
     def step(self) -> None:
         """Let the engine find contacts, exchange impulses and move the bodies, from the motions last set."""
-        self._part()
         pybullet.stepSimulation(self.client)
-        self._contacts = pybullet.getContactPoints(physicsClientId=self.client)
+        points = pybullet.getContactPoints(physicsClientId=self.client)
+        slot = self._slot
+        self._who = np.array([(slot.get(point[1], -1), slot.get(point[2], -1)) for point in points], np.int64)
+        self._who = self._who.reshape(-1, 2)
+        # Place, normal, overlap; impulses along the normal and two directions across it.
+        table = np.array([(*p[6], *p[7], -p[8], p[9], p[10], *p[11], p[12], *p[13]) for p in points]).reshape(-1, 16)
+        table[table[:, 7] == 0.0, 8:] = 0.0  # what is not pushed is not rubbed, and has no directions: any numbers
+        self._place = table[:, :3]
+        self._impulse = self.step_size * (
+            table[:, 7:8] * table[:, 3:6] + table[:, 8:9] * table[:, 9:12] + table[:, 12:13] * table[:, 13:]
+        )
+        self._bounces = self._recover(table[:, :7]) >= LEAST_BOUNCE
 
-    def _part(self) -> None:
-        """Move bodies apart that will bounce: the engine would add the recovery of their overlap to the bounce."""
-        b, slot = self.bodies, self._slot
-        pybullet.performCollisionDetection(self.client)
-        found = [
-            (slot.get(one, -1), slot.get(other, -1), *place, *normal, -gap)
-            for _, one, other, _, _, _, place, normal, gap, *_ in pybullet.getContactPoints(physicsClientId=self.client)
-            if gap < -SLOP
-        ]
-        if not found:
-            return
-        table = np.array(found)
-        who, contact = table[:, :2].astype(np.int64), table[:, 2:]
+    def _recover(self, contact: np.ndarray) -> np.ndarray:
+        """Put bodies apart that overlapped; returns how fast the surfaces of each contact approached before the step.
+
+        By position where they bounced, and by a speed where they did not, whose impulses are added to the engine's.
+        contact (M, 7) : place, normal, overlap. The table still has the poses and motions of the step's start, at which
+        the engine found them.
+        """
+        b, client, n = self.bodies, self.client, len(contact)
+        who, contact, approach = self._who.copy(), contact.copy(), np.empty(n)
         is_turned = who[:, 0] < 0  # a wall comes second, and the normal pushes the first
         who[is_turned] = who[is_turned, ::-1]
         contact[is_turned, 3:6] *= -1
         recover_overlaps(
-            len(who), who, contact, b.position, b.velocity, b.spin, b.mass, LEAST_BOUNCE, SLOP, self.iterations,
+            n, who, contact, b.position, b.velocity, b.spin, b.mass, LEAST_BOUNCE, SLOP, self.iterations, approach,
             self._moved,
         )  # fmt: skip
-        moved = np.flatnonzero(self._moved.any(axis=1)).tolist()
-        move_bodies(len(who), who, b.position, self._moved)
-        for body in moved:
-            self.put(body)
+        is_pressed = bool((contact[:, 6] > SLOP).any())
+        if not is_pressed and not self._moved.any():
+            return approach
+        touching = self.near_contacts()
+        for slot in touching:
+            b.velocity[slot], b.spin[slot] = pybullet.getBaseVelocity(self._body[slot], client)
+        if is_pressed:
+            impulse = np.empty((n, 3))
+            solve_contacts(
+                n, who, contact, b.position, b.orientation, b.velocity, b.spin, b.mass, b.inertia, 0.0, self._friction,
+                np.inf, RECOVERY, SLOP, self.step_size, self.iterations, self._pushed, self._ready,
+                np.zeros((n, 3, 17)), impulse,
+            )  # fmt: skip
+            self._impulse += np.where(is_turned[:, None], -impulse, impulse)
+        for slot in touching:
+            b.position[slot], b.orientation[slot] = pybullet.getBasePositionAndOrientation(self._body[slot], client)
+        move_bodies(n, who, b.position, self._moved)
+        for slot in touching:
+            self.put(slot)
+        return approach
 
-    def near_contacts(self) -> set[int]:
+    def near_contacts(self) -> list[int]:
         """Slots with a contact point in the last step (touching, or just parted): the only ones it may have pushed."""
-        slot = self._slot
-        return {slot[i] for point in self._contacts for i in point[1:3] if i in slot}
+        return [slot for slot in np.unique(self._who).tolist() if slot >= 0]
 
     def read(self, slots: Iterable[int]) -> None:
         """Take the poses and motions of these slots from the engine."""
@@ -191,19 +217,13 @@ class PyBulletEngine(Engine):
 
         of_structures : only those with a body of several cubes
         """
-        found, members, step = [], self.bodies.members, self.step_size
-        for _, a, b, _, _, _, place, (n0, n1, n2), _, push, rub, (s0, s1, s2), rub2, (t0, t1, t2), *_ in self._contacts:
-            if push == 0.0:
-                continue
-            one, other = self._slot.get(a, -1), self._slot.get(b, -1)
+        found, members = [], self.bodies.members
+        points: list[Any] = [each.tolist() for each in (self._who, self._place, self._impulse, self._bounces)]
+        for (one, other), place, impulse, bounces in zip(*points, strict=True):
             if of_structures and (one < 0 or len(members[one]) < 2) and (other < 0 or len(members[other]) < 2):
                 continue
-            impulse = (
-                (push * n0 + rub * s0 + rub2 * t0) * step,
-                (push * n1 + rub * s1 + rub2 * t1) * step,
-                (push * n2 + rub * s2 + rub2 * t2) * step,
-            )
-            found.append(Touch(one, other, place, impulse))
+            if any(impulse):
+                found.append(Touch(one, other, tuple(place), tuple(impulse), bounces))
         return found
 
     def in_force(self) -> dict[str, float]:

@@ -226,7 +226,8 @@ def test_diagram_of_a_moment(measured):
     base = next(p for p in found.numerical if p.setting.scene == found.scene)
     assert base.cost > 0
     assert base.changes["speed"].half_width > 0
-    assert set(found.means) == set(found.floor) == {"speed", "meetings"}  # too few hits on a bond to compare
+    assert set(found.means) == {"speed", "meetings"}  # too few hits on a bond to compare
+    assert {"speed"} <= set(found.floor) <= set(found.means)
     assert {name for row in found.rows() for name in row} >= {f"{q.name}_change" for q in QUANTITIES}
     rows = found.rows()
     assert [row["panel"] for row in rows].count("reference") == 1

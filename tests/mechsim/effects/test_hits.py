@@ -139,13 +139,55 @@ def test_both_bodies_of_a_touch_are_judged_before_either_breaks(structures):
     assert all(hit.partner is structures["dimer"] for *_, hit in tank.parted)
 
 
+def test_loads_of_collisions_in_one_step_add_to_those_at_rest_and_not_to_each_other(structures):
+    """Two bodies pull a line's end, each with a load of .006: two hits if both bounce, and one of .012 if one rests."""
+    order = line_of(structures, "quadmer")
+    for bounces, hits, breaks in (
+        ((True, True), [(0.006, False)] * 2, False),
+        ((True, False), [(0.012, True)], True),
+        ((False, False), [(0.012, True)], True),
+    ):
+        tank = Tank(settings(log_above=0.005), *(structures[name] for name in ("quadmer", "monomer", "monomer")))
+        place, impulse = pull(tank, 0, order[0], order[1], 0.008)
+        tank.touches = [Touch(0, 1, place, tuple(impulse), bounces[0]), Touch(0, 2, place, tuple(impulse), bounces[1])]
+        tank.action.after_step()
+        assert [(pytest.approx(hit.load), hit.is_shared) for hit in tank.logged] == hits
+        assert len(tank.parted) == breaks
+        if len(hits) > 1:
+            assert [hit.partner_slot for hit in tank.logged] == [1, 2]
+
+
+def test_a_third_body_at_rest_takes_part_in_each_collision(structures):
+    """Whichever points of it bounce, a partner's are taken together."""
+    order = line_of(structures, "quadmer")
+    tank = Tank(settings(log_above=0.001), structures["quadmer"], *[structures["monomer"]] * 3)
+    place, impulse = pull(tank, 0, order[0], order[1], 0.004 / 3)
+    strikes = [Touch(0, body, place, tuple(n * impulse)) for body, n in ((1, 2), (2, 3), (2, 1))]
+    tank.touches = [*strikes, Touch(0, 1, place, tuple(impulse), False), Touch(0, 3, place, tuple(impulse), False)]
+    tank.action.after_step()
+    # Of body 1 three parts, one of which does not bounce, of body 2 four, and one of body 3: of .001 each.
+    assert [(hit.partner_slot, hit.is_shared) for hit in tank.logged] == [(2, True), (1, True)]
+    np.testing.assert_allclose([hit.load for hit in tank.logged], [0.005 + 0.001, 0.004])
+
+
+def test_where_a_hit_breaks_its_body_no_other_one_is_known(structures):
+    order = line_of(structures, "quadmer")
+    tank = Tank(settings(log_above=0.005), *(structures[name] for name in ("quadmer", "monomer", "monomer")))
+    place, impulse = pull(tank, 0, order[0], order[1], 0.04 / 3)
+    tank.touches = [Touch(0, body, place, tuple(part * impulse)) for body, part in ((1, 0.6), (2, 1.2), (-1, 1.1))]
+    tank.action.after_step()
+    (hit,) = tank.logged
+    assert (hit.partner_slot, hit.breaks, hit.load) == (2, True, pytest.approx(0.012))
+    assert [slot for slot, *_ in tank.parted] == [0]
+
+
 def test_the_partner_is_whose_impulse_is_largest_and_a_wall_is_none(structures):
     order = line_of(structures, "quadmer")
     for strong, weak in ((1, 2), (2, 1), (-1, 1), (1, -1)):
         tank = Tank(settings(), structures["quadmer"], structures["monomer"], structures["trimer"])
         place, impulse = pull(tank, 0, order[0], order[1], 0.04)
-        tank.touches = [Touch(0, weak, place, tuple(0.3 * impulse)), Touch(0, strong, place, tuple(impulse))]
-        tank.touches.append(Touch(0, weak, place, tuple(0.3 * impulse)))  # 0.6 in sum
+        at_rest = Touch(0, weak, place, tuple(0.3 * impulse), bounces=False)
+        tank.touches = [at_rest, Touch(0, strong, place, tuple(impulse)), at_rest]  # 0.6 in sum
         tank.action.after_step()
         hit = next(hit for slot, _, hit in tank.parted if slot == 0)
         assert hit.partner_slot == strong

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from mechsim.commands.replay import replay as command
 from mechsim.inspection.replay import replay
-from mechsim.runs.record import RunSpec, execute
+from mechsim.runs.record import PHYSICS, RunSpec, execute
 from mechsim.runs.store import RunStore
 
 
@@ -56,7 +56,8 @@ NONE_STORED = "no stored run was made with this physics and these versions of th
 def of_this_physics():
     """Stored runs that can be made again here; the folder may hold runs of more than one physics."""
     for manifest, arrays in RunStore(RESULTS).contents():
-        if RunSpec.of_inputs(manifest["inputs"], RESULTS).inputs["physics"] == manifest["inputs"]["physics"]:
+        spec = replace(RunSpec.of_inputs(manifest["inputs"], RESULTS), physics=PHYSICS)
+        if spec.key == manifest["key"]:
             yield manifest, arrays
 
 

@@ -67,8 +67,8 @@ def test_a_heavy_cube_sinks_less_than_2_percent_into_a_light_one(make_world, sce
         world.step()
         deepest = max(deepest, b.edge - (b.position[0, 2] - b.position[1, 2]), -1.5 + b.edge / 2 - b.position[1, 2])
     assert deepest < 0.02 * b.edge
-    assert np.abs(b.velocity).max() < 0.02
-    assert np.abs(b.position[:, :2]).max() < 0.02 * b.edge
+    assert np.abs(b.velocity).max() < 0.03
+    assert np.abs(b.position[:, :2]).max() < 0.05 * b.edge
 
 
 # -- bonds -------------------------------------------------------------------------------------------------------------
