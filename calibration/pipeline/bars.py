@@ -63,7 +63,7 @@ def bars(
         all have the same rates of joins
 
     A range of seen / expected is asked only of rows whose predicted 95 % interval lies within it: wider ones would
-    leave it though the model holds. Even a correct model breaks the rule on the smallest p in up to
+    leave it though the model holds. A wider one breaks the rule all the same if its p is below `p_row`. Even a correct model breaks the rule on the smallest p in up to
     1 - (1 - p_row)^rows of studies.
     """
     found = _on_events(rules, compared)
@@ -102,13 +102,13 @@ def _on_ratios(where: str, rows: Sequence[EventRow], allowed: tuple[float, float
     low, high = allowed
     large = [row for row in rows if row.expected >= rules.from_events]
     clear = [row for row in large if low * row.expected <= row.low and row.high <= high * row.expected]
-    odd = [row for row in clear if not low <= _ratio(row) <= high]
+    odd = [row for row in large if not low <= _ratio(row) <= high and (row in clear or row.p < rules.p_row)]
     came = ", ".join(map(_shown, odd or clear))
-    if not clear:
+    if not clear and not odd:
         came = f"no row expects {rules.from_events:g} events"
         if large:
             came = f"predicted intervals are wider: {', '.join(map(_shown_range, large))}"
-    return Bar(f"seen / expected {where} from {low:g} to {high:g}", came, not odd if clear else None)
+    return Bar(f"seen / expected {where} from {low:g} to {high:g}", came, not odd if clear or odd else None)
 
 
 def _on_single_runs(rules: VerdictRules, compared: ComparedSizes) -> Bar:

@@ -65,8 +65,8 @@ are exact and include the uncertainty of the rates. Scatter is the dispersion of
 model.
 """
 ABOUT_RULES = """
-They were stated before the runs, and each is judged by itself. A rule cannot be judged where the predicted 95 %
-interval is wider than the rule.
+They were stated before the runs, and each is judged by itself. A rule on seen / expected cannot be judged where the
+predicted 95 % interval is wider than the rule, unless the p of what came is below the plan's own for a row.
 """
 ABOUT_SINGLE_RUNS = """
 For each run, where its joins and breaks (over those expected) and its final counts lie in their predicted distribution

@@ -74,6 +74,14 @@ def test_a_range_narrower_than_the_predicted_interval_judges_nothing(within, is_
     assert ("predicted intervals are wider" in found[1].came) is (is_kept is None)
 
 
+@pytest.mark.parametrize(("p", "seen", "is_kept"), [(0.009, 220, False), (0.011, 220, None), (0.009, 290, None)])
+def test_what_is_far_outside_breaks_a_rule_that_is_narrower_than_the_predicted_interval(p, seen, is_kept):
+    """Where neither the range nor the prediction holds; not one of them alone."""
+    found = bars(VerdictRules(), compared(row("joins", seen, 300.0, p, within=0.16)))
+    assert found[1].is_kept is is_kept
+    assert (found[1].came == f"joins 60 cubes {seen} / 300 = {seen / 300:.2f}") is (is_kept is False)
+
+
 def test_breaks_of_all_sizes_may_have_a_range_of_their_own():
     rules = VerdictRules(pooled_ratio=(0.95, 1.05), pooled_breaks=(0.9, 1.1), from_events=50.0)
     rows = (row("joins", 620, 600.0, 0.5, None, 0.04), row("breaks", 650, 600.0, 0.5, None, 0.09))
