@@ -13,7 +13,7 @@ CORE_TESTS := $(addprefix tests/kinetics/,formats markov network predicting rate
 BARE := env -i HOME="$(HOME)" PATH="$(PATH)" $(if $(CI),CI="$(CI)")
 DEMO :=  # further options of the demo
 
-.PHONY: demo test core lock lint validate faults fuzz mutation benchmarks docs study clean
+.PHONY: demo test core lock lint validate faults fuzz mutation benchmarks docs dist study clean
 
 demo: $(READY)
 	$(BARE) $(BIN)/wellmixed demo --folder demo-output --workers 2 $(DEMO)
@@ -51,6 +51,14 @@ benchmarks: $(READY)
 docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
+# What an index takes: the source, and one wheel for all Pythons from 3.11 on, in dist. On Linux its name promises to run
+# with glibc 2.17 and later, which tests/test_wheel.py holds it to; macOS and Windows name their own.
+PLATFORM := $(if $(filter Linux,$(shell uname -s)),--config-settings=--build-option=--plat-name=manylinux_2_17_$(shell uname -m))
+dist: $(READY)
+	rm -rf dist
+	$(BIN)/python -W ignore -c "from setuptools import build_meta; build_meta.build_sdist('dist')" > /dev/null
+	$(BIN)/python -m pip -q --disable-pip-version-check wheel --no-deps --no-build-isolation $(PLATFORM) -w dist dist/*.tar.gz
+
 # The study of results/line4: makes the runs that are missing, reads the others, and judges the plan. A broken rule, exit
 # code 5, is a result.
 STUDY := results/line4
@@ -78,4 +86,4 @@ lock:
 		--generate-hashes --no-annotate --no-header -q -o requirements.lock
 
 clean:
-	rm -rf $(VENV) demo-output .site
+	rm -rf $(VENV) demo-output .site dist

@@ -5,10 +5,14 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
+
+import kinetics
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("kinetics", "mechsim", "calibration")
@@ -79,6 +83,31 @@ def test_the_c_kernels_are_built_where_a_compiler_is(wheel):
     assert any(name.startswith("kinetics/native/_native") for name in zipfile.ZipFile(wheel).namelist()) == bool(
         shutil.which("cc")
     )
+
+
+def test_the_wheel_for_linux_runs_with_the_libc_that_its_name_promises(wheel, tmp_path):
+    """`make dist` names glibc 2.17: no symbol that the library wants is newer."""
+    promised = re.search(r"manylinux_(\d+)_(\d+)_", (ROOT / "Makefile").read_text("utf-8"))
+    (library,) = (name for name in zipfile.ZipFile(wheel).namelist() if name.endswith(".so"))
+    file = zipfile.ZipFile(wheel).extract(library, tmp_path)
+    if not shutil.which("objdump"):
+        pytest.skip("no binutils")
+    wanted = subprocess.run(["objdump", "-T", file], check=True, capture_output=True, text=True).stdout
+    versions = {tuple(map(int, each.split("."))) for each in re.findall(r"GLIBC_([\d.]+)", wanted)}
+    assert versions
+    assert max(versions) <= tuple(map(int, promised.groups()))
+
+
+def test_the_conda_recipe_wants_what_the_package_wants():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    recipe = yaml.safe_load((ROOT / "packaging/recipe.yaml").read_text("utf-8"))
+    python, *run = recipe["requirements"]["run"]
+    assert python == f"python {project['project']['requires-python']}"
+    assert [each.replace(" ", "") for each in run] == project["project"]["dependencies"]
+    assert recipe["requirements"]["host"][2:] == [
+        each.replace("==", " ==") for each in project["build-system"]["requires"]
+    ]
+    assert recipe["context"]["version"] == kinetics.__version__
 
 
 def test_the_readmes_first_lines_run_in_an_empty_environment(python, tmp_path):
