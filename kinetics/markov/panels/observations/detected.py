@@ -19,7 +19,7 @@ class Detected(Observation):
 
     >>> import numpy as np
     >>> from kinetics.markov.panels.observations import Detected
-    >>> Detected(0.5).weights(np.array([1.0, 2.0, 3.0]), seen=2.0).tolist()
+    >>> Detected(0.5).weights(np.array([1.0, 2.0, 3.0]), seen=2.0).round(12).tolist()
     [0.0, 0.25, 0.375]
     """
 
