@@ -32,7 +32,7 @@ from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option, default_option
 from kinetics.support.cli.options import HEADING, NumbersCommand, echo_json, heading, json_option
 from kinetics.support.cli.study_folder import PLAN, RATES, RUNS, or_study_folder
-from mechsim.commands.options import run_options
+from mechsim.commands.options import engine_option, run_options
 from mechsim.runs.record import book_of
 
 MODES = ("channels", "classes")
@@ -115,6 +115,7 @@ def _words(ctx: click.Context, param: click.Parameter, words: tuple[str, ...]) -
 @heading("For data of others: MODEL is a network file or a rule book")
 @data_options
 @heading("How runs are made")
+@engine_option
 @run_options
 @heading(HEADING)
 @report_option
@@ -217,10 +218,10 @@ def observed(source: str, how: dict[str, Any]) -> CalibrationStudy:
 def runs_of(sources: list[str], how: dict[str, Any]) -> list[StudyRuns]:
     """The runs of each scene or plan. ValueError: an option that the plans state themselves."""
 
-    asked = {"sizes": how["cubes"]} | {name: how[name] for name in ("runs", "duration", "seed")}
+    asked = {"sizes": how["cubes"]} | {name: how[name] for name in ("runs", "duration", "seed", "engine")}
     parts = [StudyRuns.asked_for(source, "calibration", **asked) for source in dict.fromkeys(sources)]
     if all(part.plan is not None for part in parts):
-        refuse_what_a_plan_fixes(sources[0], "cubes", "runs", "duration", "seed")
+        refuse_what_a_plan_fixes(sources[0], "cubes", "runs", "duration", "seed", "engine")
     return parts
 
 

@@ -16,7 +16,7 @@ from calibration.reporting.overview import full_report
 from kinetics.support.cli.declared import default_option
 from kinetics.support.cli.failures import keep_runs
 from kinetics.support.cli.options import echo_json, json_option
-from mechsim.commands.options import executor_options, progress_option
+from mechsim.commands.options import engine_option, executor_options, progress_option
 from mechsim.inspection.pictures.tank import draw_tank
 from mechsim.scene import Scene
 
@@ -39,18 +39,27 @@ if TYPE_CHECKING:
     default=1.0,
     help="Factor by which all simulated times are multiplied; 2 takes twice as long.",
 )
+@engine_option
 @executor_options
 @progress_option
 @seed_option(1)
 @json_option
-def demo(folder: str, scale: float, workers: Executor, progress: bool | None, seed: int, as_json: bool) -> None:
+def demo(
+    folder: str,
+    scale: float,
+    engine: str | None,
+    workers: Executor,
+    progress: bool | None,
+    seed: int,
+    as_json: bool,
+) -> None:
     """Calibrate, predict and validate line4 on a small budget of mechanics runs, and write report.html."""
 
     if not 0.02 <= scale <= 100:
         raise ValueError(f"--scale {scale}; expected a number from 0.02 to 100")
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
-    scene, runs_folder = Scene.load("line4"), place / "runs"
+    scene, runs_folder = Scene.load("line4").by(engine), place / "runs"
     keep_runs(runs_folder)
     common: dict[str, Any] = {"workers": workers, "progress": progress}
     calibrated = run_calibration(StudyRuns.assembly(scene, [60], 10, 300 * scale, seed), runs_folder, **common)

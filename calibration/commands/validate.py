@@ -31,7 +31,7 @@ from kinetics.support.cli.completion import shipped
 from kinetics.support.cli.declared import count_option
 from kinetics.support.cli.options import NumbersCommand, echo_json, json_option, picture_of, table_of, write_tables
 from kinetics.support.cli.study_folder import PLAN, RUNS, is_filled, or_study_folder, rates_of
-from mechsim.commands.options import run_options
+from mechsim.commands.options import engine_option, run_options
 
 
 @click.command(cls=NumbersCommand)
@@ -83,6 +83,7 @@ from mechsim.commands.options import run_options
     help="For rates by class: draw each curve beside its prediction to this PNG, PDF or SVG file; may be repeated.",
 )
 @report_option
+@engine_option
 @run_options
 @seed_option(2)
 @json_option
@@ -116,10 +117,10 @@ def validate(
     Exit code 4: some runs were stopped by the guard or given up; 5: a rule of the plan is broken.
     """
 
-    asked = {"sizes": how["cubes"]} | {name: how[name] for name in ("runs", "duration", "seed")}
+    asked = {"sizes": how["cubes"]} | {name: how[name] for name in ("runs", "duration", "seed", "engine")}
     runs = StudyRuns.asked_for(scene, "held_out", **asked)
     if runs.plan is not None:
-        refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed")
+        refuse_what_a_plan_fixes(scene, "cubes", "runs", "duration", "seed", "engine")
     elif control_names:
         raise ValueError("--control: only a plan has rules that a control must fail; give a plan, or leave it out")
     by_class = are_by_class(rates_name)

@@ -63,8 +63,8 @@ def bars(
         all have the same rates of joins
 
     A range of seen / expected is asked only of rows whose predicted 95 % interval lies within it: wider ones would
-    leave it though the model holds. A wider one breaks the rule all the same if its p is below `p_row`. Even a correct model breaks the rule on the smallest p in up to
-    1 - (1 - p_row)^rows of studies.
+    leave it though the model holds. A wider one breaks the rule all the same if its p is below `p_row`. Even a correct
+    model breaks the rule on the smallest p in up to 1 - (1 - p_row)^rows of studies.
     """
     found = _on_events(rules, compared)
     found.append(_on_single_runs(rules, compared))

@@ -50,11 +50,16 @@ class StudyRuns:
         return cls(scene, [RunSpec(scene, start, duration, seed, run) for start in starts for run in range(runs)], seed)
 
     @classmethod
-    def asked_for(cls, source: str, part: Literal["calibration", "held_out"], **assembly: Any) -> StudyRuns:
-        """The runs of a plan, if `source` is the file of one, or else assembly in a scene; see `assembly`."""
+    def asked_for(
+        cls, source: str, part: Literal["calibration", "held_out"], engine: str | None = None, **assembly: Any
+    ) -> StudyRuns:
+        """The runs of a plan, if `source` is the file of one, or else assembly in a scene; see `assembly`.
+
+        engine : in the place of the scene's; a plan names its own
+        """
         if is_plan(source):
             return cls.planned(StudyPlan.load(source), part)
-        return cls.assembly(Scene.load(source), **assembly)
+        return cls.assembly(Scene.load(source).by(engine), **assembly)
 
     @property
     def sizes(self) -> list[int]:

@@ -30,14 +30,18 @@ EXTRAS = {
     "antimony": "antimony>=3.0",
     "bionetgen": "bionetgen>=0.8.7",
 }
+# where pip finds no wheel
+ONLY = {"pybullet": "Python 3.11 has wheels of it, later versions build it from source"}
 # what goes without such a package
 INSTEAD = {"pybullet": 'or choose an engine without this dependency in the scene: engine = "own" under [numerics]'}
 
 
-def how_to_install(name: str) -> str:
-    """What a user without this package does."""
+def how_to_install(name: str, instead: str | None = None) -> str:
+    """What a user without this package does; instead: without installing it, in the place of `INSTEAD`."""
     install = f"this needs {name}; install it by: pip install '{EXTRAS[name]}'"
-    return f"{install}, {INSTEAD[name]}" if name in INSTEAD else install
+    install += f" ({ONLY[name]})" if name in ONLY else ""
+    other = instead or INSTEAD.get(name)
+    return f"{install}, {other}" if other else install
 
 
 def require(name: str) -> str:

@@ -13,7 +13,7 @@ from kinetics.support.cli.options import csv_option, echo_json, in_a_folder, jso
 from kinetics.support.output import write_whole
 from kinetics.support.packages import pd
 from kinetics.support.plots import save
-from mechsim.commands.options import executor_options, progress_option, runs_option
+from mechsim.commands.options import engine_option, executor_options, progress_option, runs_option
 from mechsim.runs.store import RunStore
 from mechsim.scene import Scene
 
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     callback=in_a_folder,
     help="Write the presets that follow from the diagram to this TOML file.",
 )
+@engine_option
 @runs_option
 @csv_option
 @plot_option
@@ -54,6 +55,7 @@ def mechanics(
     rounds: int,
     budget: float,
     presets_file: str | None,
+    engine: str | None,
     runs_folder: str,
     csv_files: tuple[str, ...],
     plot_files: tuple[str, ...],
@@ -74,7 +76,7 @@ def mechanics(
     from mechsim.accuracy.preset import choose
 
     measured = measure(
-        Scene.load(scene),
+        Scene.load(scene).by(engine),
         RunStore(runs_folder),
         cubes=cubes,
         duration=duration,

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from kinetics.support.cli.declared import POSITIVE, default_option
-from kinetics.support.cli.failures import INCOMPLETE, keep_runs
+from kinetics.support.cli.failures import INCOMPLETE, INSTEAD, keep_runs
 from kinetics.support.cli.options import echo_json
 from mechsim.runs.ensemble import run_all
 from mechsim.runs.executors import EXECUTORS, Executor
 from mechsim.runs.preflight import check_starts
 from mechsim.runs.shards import Shard, missing
 from mechsim.runs.store import RunStore
+from mechsim.world.engines import ENGINES
 
 if TYPE_CHECKING:
     from mechsim.runs.record import RunSpec
@@ -40,6 +41,21 @@ runs_option = default_option(
     type=click.Path(file_okay=False),
     default="runs",
     help="Folder in which runs are kept; a run that is already there is not made again.",
+)
+
+
+def _engine(ctx: click.Context, _: click.Parameter, name: str | None) -> str | None:
+    """The engine's name; an error about the package of another one may now speak of this option."""
+    ctx.meta[f"{INSTEAD}.pybullet"] = "or add --engine own"
+    return name
+
+
+engine_option = click.option(
+    "--engine",
+    type=click.Choice([engine.name for engine in ENGINES]),
+    callback=_engine,
+    help="Engine that finds the contacts; `own` needs no PyBullet, which has wheels for Python 3.11 alone.  [default: "
+    "the scene's]",
 )
 _shard_option = click.option(
     "--shard",

@@ -12,7 +12,7 @@ from kinetics.support.cli.failures import INCOMPLETE
 from kinetics.support.cli.options import counts_of, echo_json, json_option, picture_of, plot_option, seed_option
 from kinetics.support.cli.study_folder import RUNS, SCENE, is_filled, or_study_folder, start_of
 from kinetics.support.plots import save
-from mechsim.commands.options import run_options
+from mechsim.commands.options import engine_option, run_options
 from mechsim.inspection.summary import plot_counts, row, table
 from mechsim.runs.ensemble import run_all
 from mechsim.runs.preflight import check_starts
@@ -71,6 +71,7 @@ if TYPE_CHECKING:
 )
 @click.option("--cost-profile", "as_profile", is_flag=True, help="Make no runs; report what each part of a step costs.")
 @plot_option
+@engine_option
 @run_options
 @seed_option
 @json_option
@@ -88,6 +89,7 @@ def simulate(
     preset: str | None,
     as_profile: bool,
     plot_files: tuple[str, ...],
+    engine: str | None,
     runs_folder: str,
     workers: Executor,
     part: ShardWork | None,
@@ -101,7 +103,7 @@ def simulate(
     run is kept in the runs folder under the hash of its inputs, and the same command again makes only those that are
     missing. Exit code 4: some runs were stopped by the guard or given up.
     """
-    described = Scene.load(scene)
+    described = Scene.load(scene).by(engine)
     unknown = [name for name in without if described.effect(name) is None]
     if unknown:
         listed = ", ".join(e.effect for e in described.effects)

@@ -31,6 +31,7 @@ WRONG_PATH = {
     *(errno.ELOOP, errno.ENAMETOOLONG, errno.EROFS, errno.EINVAL),
 }
 KEPT = "wellmixed.kept"
+INSTEAD = "wellmixed.instead"  # of a package, what a command has that goes without it
 
 
 def judged(error: Exception) -> tuple[int, str]:
@@ -39,7 +40,8 @@ def judged(error: Exception) -> tuple[int, str]:
     if isinstance(error, ValueError):
         return MISTAKE, said
     if isinstance(error, ModuleNotFoundError) and error.name in EXTRAS:
-        return MISTAKE, how_to_install(error.name)
+        context = click.get_current_context(silent=True)
+        return MISTAKE, how_to_install(error.name, context.meta.get(f"{INSTEAD}.{error.name}") if context else None)
     if isinstance(error, OSError):
         is_mistake = isinstance(error, PermissionError) or error.errno in WRONG_PATH
         if error.strerror:

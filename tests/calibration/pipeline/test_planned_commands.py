@@ -1,11 +1,13 @@
 """`calibrate` and `validate` with a plan in the place of a scene."""
 
 import json
+import sys
 
 import pytest
 
 from calibration.pipeline.plan import PlannedRuns, StudyPlan, Tanks
 from kinetics.rates import Rates
+from mechsim.runs.store import RunStore
 
 MIXED = {"monomer": 6, "dimer": 4, "trimer": 3, "quadmer": 3}
 MODELS = ["first-order", "collision", "collision-wall", "collision-species"]
@@ -93,12 +95,28 @@ def test_shards_of_a_plan(wellmixed_here, place, calibrated, tmp_path):
     [
         *((["calibrate", "--out", "x.toml"], [name, 5]) for name in ("--cubes", "--runs", "--duration", "--seed")),
         *((["validate", "--rates", "table3"], [name, 5]) for name in ("--cubes", "--runs", "--duration", "--seed")),
+        (["calibrate", "--out", "x.toml"], ["--engine", "own"]),
+        (["validate", "--rates", "table3"], ["--engine", "own"]),
     ],
 )
 def test_what_a_plan_fixes_is_no_option(wellmixed_here, place, command, option):
     done = wellmixed_here(command[0], "plan.toml", *command[1:], *option, cwd=place)
     assert (done.code, done.out) == (2, "")
     assert f"{option[0]} is fixed by the plan plan.toml" in done.err
+
+
+def test_all_that_make_runs_take_another_engine(wellmixed_here, tmp_path, monkeypatch):
+    """The scene's own is PyBullet, which is not there."""
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    monkeypatch.delitem(sys.modules, "mechsim.world.engines.pybullet_engine", raising=False)
+    short = ["--cubes", 6, "--duration", 0.2, "--runs", 2, "--engine", "own", "--json"]
+    assert wellmixed_here("simulate", "line4", *short, cwd=tmp_path).json["computed"] == 2
+    part = [*short, "--shard", "1/1"]  # the runs alone
+    assert wellmixed_here("calibrate", "line4", *part, "--out", "rates.toml", cwd=tmp_path).json["computed"] == 2
+    assert wellmixed_here("validate", "line4", *part, "--rates", "table3", cwd=tmp_path).json["computed"] == 2
+    stored = [manifest for manifest, _ in RunStore(tmp_path / "runs").contents()]
+    assert {each["inputs"]["scene"]["numerics"]["engine"] for each in stored} == {"own"}
+    assert len(stored) == 6  # of three seeds
 
 
 @pytest.mark.parametrize("source", ["plan.toml", "line4"])
