@@ -1,14 +1,14 @@
-"""README's figures on trust are those that the commands have kept; and these hold what the project asks of them."""
+"""The figures of docs/trust.md are those that the commands have kept; and these hold what the project asks of them."""
 
 import pytest
 
 from tests.helpers.fraction_campaign import SEED, run
 from tests.mutation.__main__ import FLOOR, rooms, stored
-from tests.results.trust_page import CANARIES, FAULTS, FUZZED, README, told, written
+from tests.results.trust_page import CANARIES, FAULTS, FUZZED, PAGE, told, written
 
 
 def test_the_block_is_what_is_kept():
-    text = README.read_text("utf-8")
+    text = PAGE.read_text("utf-8")
     assert written(text) == text
     with pytest.raises(ValueError, match="expected one block"):
         written("")

@@ -1,4 +1,4 @@
-"""README's block on trust, from what its commands have kept: `python -m tests.results.trust_page` writes it anew.
+"""The table of docs/trust.md, from what its commands have kept: `python -m tests.results.trust_page` writes it anew.
 
 Each figure stands beside the command that makes it. Where the code of a room has changed since its mutants were
 judged, the block says so.
@@ -16,7 +16,7 @@ from tests.helpers.fuzz_campaign import STORED as FUZZED
 from tests.mutation.__main__ import ROOT, code_of, rooms, stored
 from tests.mutation.known import STORED as KNOWN
 
-README = ROOT / "README.md"
+PAGE = ROOT / "docs/trust.md"
 FAULTS = ROOT / "results/faults.json"
 HELD_OUT = ROOT / "results/line4/validation.json"
 BLOCK = re.compile(r"(<!-- TRUST -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -121,4 +121,4 @@ def written(text: str) -> str:
 
 
 if __name__ == "__main__":
-    README.write_text(written(README.read_text("utf-8")), encoding="utf-8")
+    PAGE.write_text(written(PAGE.read_text("utf-8")), encoding="utf-8")
