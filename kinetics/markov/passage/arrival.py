@@ -8,6 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from kinetics.markov.passage.backward import BackwardPass, steps_until
+from kinetics.markov.transient.dense import Dense
+from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.markov.transient.uniformisation import MAX_STEPS, Absorption, DiscreteChain
 from kinetics.support.answer import Answer, kind_of
@@ -15,13 +17,15 @@ from kinetics.support.arrays import Floats
 
 TOLERANCE = 1e-14  # probability that the distribution may leave out at a time
 SMALL = 1e-3  # below, values come by a pass backwards, whose error is relative
+MOST_STIFF = 200  # states of a chain too stiff for steps; half a second a time, and a quantile asks for a hundred
 NEARLY = 1e-9  # by how much a quantile at the edge of what is ever reached is taken lower
 
 
 class Arrival:
     """When a chain enters its last state, which is never left, from a start spread as `start` (N,).
 
-    Values come from one pass forwards to the latest time asked for, small ones from one backwards likewise.
+    Values come from one pass forwards to the latest time asked for, small ones from one backwards likewise; those of a
+    small chain that is too stiff for these from its matrix exponential.
     """
 
     def __init__(self, transitions: Transitions, start: Floats, target: str) -> None:
@@ -29,6 +33,10 @@ class Arrival:
         self.chain = DiscreteChain.of(transitions)
         self._absorption = Absorption(self.chain, start)
         self._known: dict[float, tuple[Answer, Answer]] = {}  # by time: a quantile and its bounds ask for the same ones
+
+    def method_at(self, time: float) -> str:
+        """What gives the values at a time."""
+        return "uniformisation" if self.chain.steps_until(time, TOLERANCE) <= MAX_STEPS else "matrix exponential"
 
     def cdf(self, time: float) -> Answer:
         """Probability of having entered it by a time, tu."""
@@ -44,15 +52,20 @@ class Arrival:
         """Cdf and survival, with absolute errors."""
         if time in self._known:
             return self._known[time]
-        steps = self.chain.steps_until(time, TOLERANCE)
-        if steps > MAX_STEPS:
+        steps, is_bound = self.chain.steps_until(time, TOLERANCE), self._transitions.is_certified
+        if steps <= MAX_STEPS:
+            absorbed, alive, error = self._absorption.at(time, TOLERANCE)
+        elif self._start.size > MOST_STIFF:
             raise ValueError(
                 f"the distribution of the time until {self._target} needs {steps:.3g} steps at {time:g} tu, at most "
-                f"{MAX_STEPS}; mean and sd are exact without them, and a time much longer than the single waits is "
-                f"nearly exponential"
+                f"{MAX_STEPS} with more than {MOST_STIFF} states; mean and sd are exact without them, and a time much "
+                f"longer than the single waits is nearly exponential"
             )
-        absorbed, alive, error = self._absorption.at(time, TOLERANCE)
-        kind = kind_of(self._transitions.is_certified)
+        else:
+            found, error, is_bound = Dense().probabilities(self._transitions, self._start, np.array([time]))
+            absorbed, alive = float(found[0, -1]), float(found[0, :-1].sum())
+            error += ROUNDOFF * self._start.size  # of that sum
+        kind = kind_of(is_bound)
         cdf, survival = (
             Answer(value, max(value - error, 0.0), min(value + error, 1.0), kind) for value in (absorbed, alive)
         )

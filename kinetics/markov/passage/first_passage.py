@@ -99,7 +99,9 @@ class Passage(Shown, Tabular):
         else:
             low, high = self.quantile_bounds(what)
             found = Answer(float(self.quantile(what)), float(low), float(high))
-        method = "uniformisation" if isinstance(what, float) else "linear equations"
+        method = "linear equations"
+        if isinstance(what, float) and np.isfinite(found.value):
+            method = self._arrival.method_at(found.value)
         seconds = time.process_time() - began + (self.cpu_seconds if what in ("mean", "probability") else 0.0)
         size = counted(self.n_states, "state")
         return replace(found, kind=kind_of(self.is_bound), method=method, cpu_seconds=seconds, why=size)

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import gammainc, gammaincc, gammaincinv
 
-from kinetics import first_passage, sample_path
+from kinetics import Chain, first_passage, sample_path
+from kinetics.markov import ask
 from kinetics.markov.passage import elimination
 
 
@@ -36,8 +37,26 @@ def test_walk_against_a_drift(n):
     assert law.error < 2e-12
     if n == 60:  # such a remote target is reached at an exponential time
         assert_allclose(law.sd, law.mean, rtol=1e-9)
-        with pytest.raises(ValueError, match=r"needs .* steps at 1e.17 tu, at most 5000000; mean and sd are exact"):
+        assert_allclose(law.cdf(1e17), -np.expm1(-1e17 / law.mean), rtol=1e-9)
+    if n == 250:
+        with pytest.raises(ValueError, match=r"needs .* steps at 1e.17 tu, at most 5000000 with more than 200 states"):
             law.cdf(1e17)
+
+
+@pytest.mark.parametrize("q", [0.01, 0.5, 0.999])
+def test_quantiles_of_a_stiff_passage_are_bounded_too(q):
+    """Two states that exchange 1e9 times a tu, of which one leads on at 0.001: 1e12 steps until the median."""
+    fast, slow = mpmath.mpf(1e9), mpmath.mpf(1e-3)
+    chain = Chain([[0, 1e9, 0], [1e9, 0, 1e-3], [0, 0, 0]], 0, {"done": [False, False, True]})
+    answer = ask(chain, f'quantile(min T, P>={q} [ F<=T "done" ])')
+    assert (answer.is_bound, answer.method) == (True, "matrix exponential")
+    with mpmath.workdps(60):
+        # alive(t) = (b exp(a t) - a exp(b t)) / (b - a) with a, b the roots of x^2 + (2 fast + slow) x + fast slow
+        half = mpmath.sqrt((2 * fast + slow) ** 2 - 4 * fast * slow)
+        a, b = (-(2 * fast + slow) + half) / 2, (-(2 * fast + slow) - half) / 2
+        exact = mpmath.log((1 - mpmath.mpf(q)) * (b - a) / b) / a  # exp(b t) has long been 0
+        assert answer.low <= exact <= answer.high
+    assert answer.high - answer.low < 1e-7 * answer.value
 
 
 @pytest.mark.parametrize("stages", [1, 7, 400])
