@@ -13,6 +13,7 @@ from click.core import ParameterSource
 from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.models import conditions, described, instead_of_many_states, remarks, shown_of
 from kinetics.predicting import AskedAccuracy, Job, predict_job
+from kinetics.sampling.methods import BY_NAME as SAMPLING
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.cli.declared import count_option, default_option, files_option
 from kinetics.support.cli.failures import INCOMPLETE, INTERRUPTED
@@ -30,6 +31,7 @@ from kinetics.support.cli.options import (
     picture_of,
     plot_option,
     seed_option,
+    table_of,
     time_grid,
     write_plots,
     write_tables,
@@ -81,6 +83,19 @@ INSTEAD = (
     default=MAX_EVENTS,
     help="Maximum number of events in a run; results end where a run would exceed it.",
 )
+@count_option(
+    "--trajectories",
+    default=0,
+    least=0,
+    help="Number of single runs to sample as well, with every event, for --plot (thin steps), --trajectories-csv and "
+    "--json.",
+)
+@files_option(
+    "--trajectories-csv",
+    "trajectories_files",
+    callback=table_of("pandas"),
+    help="Write every event of these single runs to this CSV file; may be repeated.",
+)
 @count_option("--threads", help="Largest number of threads used.  [default: one per core]")
 @heading(RULES)
 @count_option(
@@ -118,6 +133,8 @@ def predict(
     accuracy_of: str,
     budget: float,
     max_events: int,
+    trajectories: int,
+    trajectories_files: tuple[str, ...],
     threads: int | None,
     draws: int,
     with_elasticity: bool,
@@ -153,8 +170,9 @@ def predict(
     if asked_for is not None and method is not None:
         raise ValueError(f"--method {method} together with --accuracy, which chooses the method: give one or the other")
     chosen = asked_for if method is None else within_budget(method, 60 * budget)
+    _check_trajectories(trajectories, trajectories_files, method)
     with progress_line(budget=budget) as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
-        job = Job(model, grid, sums, seed, threads, progress, max_events)
+        job = Job(model, grid, sums, seed, threads, progress, max_events, trajectories)
         made = predict_job(job, rates, chosen, runs, draws)
         found = None
         if rates is not None and (with_elasticity or elasticity_files):
@@ -165,6 +183,8 @@ def predict(
             found = count_elasticities(model, rates, None, made.times[-1:], drawn, sums)
     write_tables(csv_files, made.to_dataframe)
     write_plots(plot_files, made.plot)
+    if made.trajectories is not None:
+        write_tables(trajectories_files, made.trajectories.to_dataframe)
     if found is not None:
         write_plots(elasticity_files, partial(found.plot, names=made.network.species))
     if as_json:
@@ -190,6 +210,7 @@ def predict(
                 "standard_error": made.standard_error,
                 "error": made.error,
                 "accuracy": None if made.reached is None else made.reached.to_dict(),
+                "trajectories": None if made.trajectories is None else made.trajectories.to_dict(),
                 "elasticities": None if found is None else found.to_dict(),
                 "notes": (*model.notes, *made.notes),
                 "cpu_seconds": made.cpu_seconds,
@@ -203,6 +224,17 @@ def predict(
         raise SystemExit(INTERRUPTED)
     if made.truncated is not None:
         raise SystemExit(INCOMPLETE)
+
+
+def _check_trajectories(runs: int, files: tuple[str, ...], method: str | None) -> None:
+    """ValueError for a table of no runs, and for runs of a method that makes none."""
+    if files and not runs:
+        raise ValueError("--trajectories-csv, but no --trajectories; state their number, as in --trajectories 5")
+    if runs and method is not None and method not in SAMPLING:
+        raise ValueError(
+            f"--trajectories {runs} are sampled runs, but --method {method} solves the master equation and makes "
+            f"none; leave out --method, or --trajectories"
+        )
 
 
 def _accuracy(size: str | None, of: str, budget: float | None) -> AskedAccuracy | None:

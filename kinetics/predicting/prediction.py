@@ -15,6 +15,7 @@ from kinetics.predicting.accuracy import AskedAccuracy
 from kinetics.predicting.job import Job
 from kinetics.predicting.methods import method_of
 from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, RunsOverDraws, runs_over_draws
+from kinetics.predicting.trajectories import Trajectories, sample_trajectories
 from kinetics.runs import Truncation
 from kinetics.sampling import Auto, SamplingMethod
 from kinetics.sampling.forecast import forecast_runs
@@ -55,6 +56,7 @@ class Prediction(Shown, Tabular):
     drawn : means under single draws of the rates, from which the interval comes; None if there is none
     reached : the accuracy, and how it was reached; None if none was asked for
     truncated : why there are fewer times than were asked for; None if there are not
+    trajectories : single runs sampled next to it; None if none were asked for
 
     >>> from kinetics import ChannelRate, Convention, Network, Rates, predict
     >>> decay = Network.from_text("decay: A -> 0, 1")
@@ -81,6 +83,7 @@ class Prediction(Shown, Tabular):
     drawn: DrawMeans | None = None
     reached: Reached | None = None
     truncated: Truncation | None = None
+    trajectories: Trajectories | None = None
 
     @property
     def runs(self) -> int | None:
@@ -127,8 +130,13 @@ class Prediction(Shown, Tabular):
 
     @on_axes
     def plot(self, ax: Any) -> Any:
-        """Plot the means, bands of the middle 95 % of runs, and the interval of the mean (dashed); returns `ax`."""
+        """Plot the means, bands of the middle 95 % of runs, and the interval of the mean (dashed); returns `ax`.
+
+        Trajectories are thin steps behind them.
+        """
         self.result.plot(ax)
+        if self.trajectories is not None:
+            self.trajectories.plot(ax)
         if self.low is not None and self.high is not None:
             plots.intervals(ax, self.times, self.low, self.high)
         return ax
@@ -144,6 +152,7 @@ def predict(
     draws: int = 200,
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
+    trajectories: int = 0,
 ) -> Prediction:
     """Predict mean and spread of the counts at `times` under `rates`, with a 95 % interval of the mean.
 
@@ -155,6 +164,8 @@ def predict(
         each draw
     draws : least number of draws of the rates from their posterior; the interval comes from so many
     progress : called with a line of text on how far the work is; None for silence
+    trajectories : number of single runs to sample too, see `sample_trajectories`; with evidence at the posterior mean
+        of each rate constant
     ValueError: rates of another network or without their tank, missing rates, or what the method refuses; an accuracy
         together with runs, one that no method can reach, or that would cost more than the budget
 
@@ -177,7 +188,9 @@ def predict(
     >>> bool((abs(sampled.mean - exact.mean) < 5 * sampled.standard_error).all())
     True
     """
-    job = Job(Model.of(model), np.asarray(times), None, seed, threads, progress or (lambda _: None))
+    job = Job(
+        Model.of(model), np.asarray(times), None, seed, threads, progress or (lambda _: None), trajectories=trajectories
+    )
     return predict_job(job, rates, method, runs, draws)
 
 
@@ -205,6 +218,7 @@ def predict_job(
         if rates.has_evidence:
             posterior = rates.posterior(given.network, given.tank)
         job = replace(job, model=replace(given, network=rates.expected(given.network, given.tank)))
+    singles = sample_trajectories(job, job.trajectories) if job.trajectories else None
     if isinstance(chosen, AskedAccuracy):
         found = _adapted(job, chosen, runs)
     elif isinstance(chosen, SamplingMethod):
@@ -241,6 +255,9 @@ def predict_job(
         notes += [f"the middle 95 % of the runs is known to {off} copies"] if off else []
     else:
         standard_error, error = np.zeros(mean.shape), result.error
+    if singles is not None:
+        notes += singles.notes
+        notes += [] if posterior is None else ["trajectories are those at the posterior mean of each rate constant"]
     return Prediction(
         job.shown,
         result.times,
@@ -258,6 +275,7 @@ def predict_job(
         drawn,
         found.reached,
         truncated,
+        singles,
     )
 
 

@@ -40,6 +40,15 @@ def steps(ax: Any, times: ArrayLike, counts: ArrayLike, names: Sequence[str], un
     return _beside(_finish(ax, "copies", unit))
 
 
+def thin_steps(ax: Any, runs: Sequence[tuple[ArrayLike, ArrayLike]]) -> Any:
+    """Single runs, times (T,) and counts (T, S) of each, as thin steps behind the `bands` of the axes; returns `ax`."""
+    for times, counts in runs:
+        for i, column in enumerate(np.asarray(counts).T):
+            ax.step(times, column, where="post", color=colour(i), linewidth=0.5, alpha=0.6, zorder=0.5)
+    ax.plot([], [], color="grey", linewidth=0.5, label="single run")
+    return _beside(ax)
+
+
 def bands(
     ax: Any,
     times: ArrayLike,
