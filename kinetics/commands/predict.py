@@ -13,6 +13,7 @@ from click.core import ParameterSource
 from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.models import conditions, described, instead_of_many_states, remarks, shown_of
 from kinetics.predicting import AskedAccuracy, Job, predict_job
+from kinetics.predicting.mean_field import MeanField, MeanFieldSolution
 from kinetics.sampling.methods import BY_NAME as SAMPLING
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.cli.declared import count_option, default_option, files_option
@@ -60,7 +61,7 @@ INSTEAD = (
 @click.option(
     "--show", "shown", multiple=True, metavar="NAME", help="Show only this species or observable; may be repeated."
 )
-@click.option("--method", type=MethodName(), help="Sampling or solving method.  [default: auto]")
+@click.option("--method", type=MethodName(), help="Sampling or solving method, or mean-field.  [default: auto]")
 @count_option(
     "--runs",
     help="Minimum number of runs of a sampling method; if the rates have evidence, 100 for each draw of the rates.  "
@@ -149,9 +150,10 @@ def predict(
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both (BioNetGen .net, SBML
     and others). The report gives mean and standard deviation of every species. If the rates come with their events and
     exposure, runs are spread over draws of the rates from their posterior, and the mean has a 95 % interval; a method
-    that solves takes the posterior mean of each rate constant. The method `auto` samples runs by the method
-    expected to be cheapest; `transient` solves the master equation. Runs are not stored, so there may be millions;
-    Ctrl-C reports those made so far.
+    that solves takes the posterior mean of each rate constant. The method `auto` samples runs by the method expected
+    to be cheapest; `transient` solves the master equation; `mean-field` integrates the rate equations, an approximation
+    without a bound, and reports its distance from the exact mean if that is cheap to solve. Runs are not stored, so
+    there may be millions; Ctrl-C reports those made so far.
 
     With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until they
     are enough, in 20 minutes of CPU time unless --budget says otherwise. 1% is relative to each species' largest mean
@@ -209,6 +211,7 @@ def predict(
                 "interval": {"level": 0.95, "low": made.low, "high": made.high} if has_interval else None,
                 "standard_error": made.standard_error,
                 "error": made.error,
+                "mean_field": made.result.to_dict() if isinstance(made.result, MeanFieldSolution) else None,
                 "accuracy": None if made.reached is None else made.reached.to_dict(),
                 "trajectories": None if made.trajectories is None else made.trajectories.to_dict(),
                 "elasticities": None if found is None else found.to_dict(),
@@ -230,7 +233,7 @@ def _check_trajectories(runs: int, files: tuple[str, ...], method: str | None) -
     """ValueError for a table of no runs, and for runs of a method that makes none."""
     if files and not runs:
         raise ValueError("--trajectories-csv, but no --trajectories; state their number, as in --trajectories 5")
-    if runs and method is not None and method not in SAMPLING:
+    if runs and method is not None and method not in (*SAMPLING, MeanField.name):
         raise ValueError(
             f"--trajectories {runs} are sampled runs, but --method {method} solves the master equation and makes "
             f"none; leave out --method, or --trajectories"

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from kinetics.network import Model, Network
 from kinetics.predicting.accuracy import AskedAccuracy
 from kinetics.predicting.job import Job
+from kinetics.predicting.mean_field import APPROXIMATE, MeanField, MeanFieldSolution
 from kinetics.predicting.methods import method_of
 from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, RunsOverDraws, runs_over_draws
 from kinetics.predicting.trajectories import Trajectories, sample_trajectories
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from kinetics.rates.applied import AppliedRates
     from kinetics.rates.posterior import Posterior
 
+    AnyMethod = SamplingMethod | SolvingMethod | MeanField
+
 RUNS = 1000
 
 
@@ -48,11 +51,12 @@ class Prediction(Shown, Tabular):
         and one that does not those at the posterior mean of each rate constant
     low, high : 95 % interval of the mean from the uncertainty of the rates; None if these have no evidence
     standard_error : of the mean, that of drawing rates included; 0 for a method that does not sample, nan for one run
-    error : bound on, or estimate of, the numerical error of the probabilities; 0 for a method that samples
+    error : bound on, or estimate of, the numerical error of the probabilities; 0 for a method that samples, nan for the
+        mean field, whose means have no bound; its sd is nan too
     notes : remarks on the interval, for the reader
     is_complete : whether all runs and draws were made; fewer are made after Ctrl-C
     method : by its name; one that chooses says in brackets what it chose
-    result : the statistics of the runs, or the Distribution, from which mean and sd come
+    result : the statistics of the runs, the Distribution or the MeanFieldSolution from which mean and sd come
     drawn : means under single draws of the rates, from which the interval comes; None if there is none
     reached : the accuracy, and how it was reached; None if none was asked for
     truncated : why there are fewer times than were asked for; None if there are not
@@ -76,7 +80,7 @@ class Prediction(Shown, Tabular):
     standard_error: Floats
     error: float
     notes: tuple[str, ...]
-    result: EnsembleStatistics | Distribution
+    result: EnsembleStatistics | Distribution | MeanFieldSolution
     method: str
     cpu_seconds: float
     is_complete: bool = True
@@ -93,6 +97,8 @@ class Prediction(Shown, Tabular):
     @property
     def headline(self) -> str:
         """One line: what the figures are, the method, their precision, and the CPU time."""
+        if isinstance(self.result, MeanFieldSolution):
+            return f"{APPROXIMATE}; method {self.method}; {self.result.comparison}; {self.cpu_seconds:.2g} s CPU"
         explained = "mean ± sd of a run" + ("" if self.low is None else " [95 % interval of the mean, from the rates]")
         precision = f"numerical error of the probabilities below {self.error:.1g}"
         if self.runs is not None:
@@ -114,17 +120,20 @@ class Prediction(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species."""
+        return dataframe_over_times(self.times, "species", self.network.species, self._columns())
+
+    def _columns(self) -> dict[str, Floats]:
+        """The figures (T, S) of tables; the mean field, an approximation, is called that, and has no others."""
+        if isinstance(self.result, MeanFieldSolution):
+            return {"mean_field": self.mean}
         columns = {"mean": self.mean, "sd": self.sd, "standard_error": self.standard_error}
         if self.low is not None and self.high is not None:
             columns |= {"low": self.low, "high": self.high}
-        return dataframe_over_times(self.times, "species", self.network.species, columns)
+        return columns
 
     def to_xarray(self) -> xr.Dataset:
         """Mean, sd, standard error and interval as a dataset with dimensions time and species; needs xarray."""
-        columns = {"mean": self.mean, "sd": self.sd, "standard_error": self.standard_error}
-        if self.low is not None and self.high is not None:
-            columns |= {"low": self.low, "high": self.high}
-        variables = {name: (("time", "species"), values) for name, values in columns.items()}
+        variables = {name: (("time", "species"), values) for name, values in self._columns().items()}
         places = {"time": self.times, "species": list(self.network.species)}
         return dataset(variables, places, self.network.time_unit, method=self.method)
 
@@ -146,7 +155,7 @@ def predict(
     model: Model | Network,
     rates: AppliedRates | None = None,
     times: ArrayLike = (),
-    method: SamplingMethod | SolvingMethod | AskedAccuracy | str | None = None,
+    method: AnyMethod | AskedAccuracy | str | None = None,
     runs: int | None = None,
     seed: int = 0,
     draws: int = 200,
@@ -157,7 +166,8 @@ def predict(
     """Predict mean and spread of the counts at `times` under `rates`, with a 95 % interval of the mean.
 
     rates : None for the model's own, which are taken as known, so that there is no interval
-    method : a sampling or solving method, or its name; Auto() by default. Or an `AskedAccuracy`, or a text such as
+    method : a sampling or solving method, or its name; Auto() by default. "mean-field" integrates the rate equations,
+        an approximation without a bound. Or an `AskedAccuracy`, or a text such as
         "1%": the cheapest method that reaches it is chosen, see `adaptive_prediction`, and mean and sd are those at the
         posterior mean of each rate constant
     runs : least number of runs of a sampling method, 1000 by default; with evidence there are `RUNS_PER_DRAW` under
@@ -197,7 +207,7 @@ def predict(
 def predict_job(
     job: Job,
     rates: AppliedRates | None = None,
-    method: SamplingMethod | SolvingMethod | AskedAccuracy | str | None = None,
+    method: AnyMethod | AskedAccuracy | str | None = None,
     runs: int | None = None,
     draws: int = 200,
 ) -> Prediction:
@@ -223,6 +233,8 @@ def predict_job(
         found = _adapted(job, chosen, runs)
     elif isinstance(chosen, SamplingMethod):
         found = _sampled(job, chosen, RUNS if runs is None else runs, posterior, draws)
+    elif isinstance(chosen, MeanField):
+        found = _Found(chosen.solve(job), chosen.name)
     else:
         found = _solved(job, chosen)
     result, spread = found.result, found.spread
@@ -230,6 +242,8 @@ def predict_job(
     was_interrupted = isinstance(result, EnsembleStatistics) and not result.is_complete
     if posterior is not None and spread is None and was_interrupted:
         notes.append("no interval: interrupted before the draws of the rates")
+    elif posterior is not None and isinstance(result, MeanFieldSolution):
+        notes.append("no interval: the mean field is that at the posterior mean of each rate constant")
     elif posterior is not None and spread is None:
         spread = runs_over_draws(replace(job, grid=result.times), posterior, 1, draws, Auto())
         is_complete = is_complete and spread.statistics.is_complete
@@ -285,7 +299,7 @@ class _Found(NamedTuple):
     spread : the runs over draws of the rates, if mean and sd come from these
     """
 
-    result: EnsembleStatistics | Distribution
+    result: EnsembleStatistics | Distribution | MeanFieldSolution
     method: str
     is_complete: bool = True
     notes: tuple[str, ...] = ()
@@ -294,8 +308,8 @@ class _Found(NamedTuple):
 
 
 def _chosen(
-    method: SamplingMethod | SolvingMethod | AskedAccuracy | str | None,
-) -> SamplingMethod | SolvingMethod | AskedAccuracy:
+    method: AnyMethod | AskedAccuracy | str | None,
+) -> AnyMethod | AskedAccuracy:
     """The method, or the accuracy of a text such as "1%"; Auto() by default."""
     if isinstance(method, AskedAccuracy):
         return method

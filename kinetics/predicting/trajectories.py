@@ -15,6 +15,7 @@ from kinetics.support import plots
 from kinetics.support.arrays import Floats, Ints, whole_number
 from kinetics.support.datasets import dataframe, dataframe_over_times
 from kinetics.support.packages import pd
+from kinetics.support.shown import Tabular, on_axes
 from kinetics.support.tables import in_unit
 
 MOST_TRAJECTORIES = 100
@@ -23,7 +24,7 @@ MOST_COUNTS = 2**24  # of one trajectory: events times species, 128 MB
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectories:
+class Trajectories(Tabular):
     """Single exact runs, numbered 0 to N - 1.
 
     network : names what is shown, V species or sums of their counts
@@ -83,6 +84,7 @@ class Trajectories:
             tables.append(rows)
         return dataframe(pd.concat(tables, ignore_index=True))
 
+    @on_axes
     def plot(self, ax: Any) -> Any:
         """Thin steps behind the means on the axes, one colour a species; returns `ax`."""
         return plots.thin_steps(ax, [self._moments(run) for run in range(len(self.paths))])

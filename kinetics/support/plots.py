@@ -66,6 +66,19 @@ def bands(
     return _beside(_finish(ax, "copies (mean, middle 95 %)", unit))
 
 
+def approximate(
+    ax: Any, times: ArrayLike, values: ArrayLike, names: Sequence[str], label: str, unit: str = "tu"
+) -> Any:
+    """Dotted curves (T, S) over the `bands` of the axes, or alone, called `label`; returns `ax`."""
+    is_alone = not ax.has_data()
+    for i, (name, column) in enumerate(zip(names, np.asarray(values).T, strict=True)):
+        ax.plot(times, column, color=colour(i), linestyle=":", linewidth=2.2, label=name if is_alone else None)
+    if is_alone:
+        return _beside(_finish(ax, f"copies, {label}", unit))
+    ax.plot([], [], color="grey", linestyle=":", linewidth=2.2, label=label)
+    return _beside(ax)
+
+
 def intervals(ax: Any, times: ArrayLike, low: ArrayLike, high: ArrayLike) -> Any:
     """Dashed limits (T, S) in the colours of `bands`; returns `ax`."""
     for i, (bottom, top) in enumerate(zip(np.asarray(low).T, np.asarray(high).T, strict=True)):
