@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ import numpy as np
 from click.core import ParameterSource
 
 from kinetics.commands.methods import MethodName, within_budget
-from kinetics.commands.models import conditions, described, instead_of_many_states, remarks, shown_of
+from kinetics.commands.models import conditions, described, instead_of_many_states, is_network_file, remarks, shown_of
 from kinetics.predicting import AskedAccuracy, Job, predict_job
 from kinetics.predicting.mean_field import MeanField, MeanFieldSolution
 from kinetics.sampling.methods import BY_NAME as SAMPLING
@@ -19,6 +20,7 @@ from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.cli.declared import count_option, default_option, files_option
 from kinetics.support.cli.failures import INCOMPLETE, INTERRUPTED
 from kinetics.support.cli.options import (
+    DURATION,
     HEADING,
     RULES,
     ModelOptions,
@@ -41,7 +43,10 @@ from kinetics.support.cli.progress import progress_line
 from kinetics.support.tables import figure, in_unit, text_table
 
 if TYPE_CHECKING:
+    from kinetics.network import Model
     from kinetics.predicting import AskedAccuracy, Elasticities, Prediction
+    from kinetics.predicting.duration import ChosenDuration
+    from kinetics.rates.applied import AppliedRates
 
 INSTEAD = (
     "Keep only the likely states by --method fsp, start from smaller counts, or leave out --method to sample",
@@ -55,7 +60,8 @@ INSTEAD = (
     "--duration",
     metavar="T",
     type=float,
-    help="Predict from time 0 to this time, tu or the model's own.  [default: 2000]",
+    help="Predict from time 0 to this time, tu or the model's own.  [default: 2000 for a rule book; chosen from the "
+    "rates for a network file]",
 )
 @click.option("--times", type=float, multiple=True, metavar="T ...", help="Predict at these times instead.")
 @click.option(
@@ -168,7 +174,9 @@ def predict(
     model, rates = given = described(asked)
     if (with_elasticity or elasticity_files) and rates is None:
         raise ValueError(f"elasticities are by the parameters of a rates file; {asked.source} has its own rates")
-    grid, sums = time_grid(duration, times), shown_of(model, shown)
+    picked = None if times or duration is not None or not is_network_file(asked.source) else _duration(model, rates)
+    grid = time_grid(duration if picked is None else picked.value, times)
+    sums = shown_of(model, shown)
     if asked_for is not None and method is not None:
         raise ValueError(f"--method {method} together with --accuracy, which chooses the method: give one or the other")
     chosen = asked_for if method is None else within_budget(method, 60 * budget)
@@ -205,6 +213,7 @@ def predict(
                 "seed": seed,
                 "time_unit": made.network.time_unit,
                 "times": made.times,
+                "duration": None if picked is None else picked._asdict(),
                 "species": made.network.species,
                 "mean": made.mean,
                 "sd": made.sd,
@@ -220,13 +229,27 @@ def predict(
             }
         )
     else:
-        click.echo(_prediction_table(made, remarks(*given)))
+        words = () if picked is None else (_why(picked, made.network.time_unit),)
+        click.echo(_prediction_table(made, (*remarks(*given), *words)))
         if found is not None:
             click.echo(_elasticity_table(found, made))
     if not made.is_complete:
         raise SystemExit(INTERRUPTED)
     if made.truncated is not None:
         raise SystemExit(INCOMPLETE)
+
+
+def _duration(model: Model, rates: AppliedRates | None) -> ChosenDuration:
+    """A duration for a network file, from its rates."""
+    from kinetics.predicting.duration import chosen_duration
+
+    network = model.network if rates is None else rates.expected(model.network, model.tank)
+    return chosen_duration(replace(model, network=network), DURATION)
+
+
+def _why(picked: ChosenDuration, unit: str) -> str:
+    """A line on a duration that was chosen."""
+    return f"duration {in_unit(f'{picked.value:g}', unit)} chosen, as none was given: {picked.why}"
 
 
 def _check_trajectories(runs: int, files: tuple[str, ...], method: str | None) -> None:

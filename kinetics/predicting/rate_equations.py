@@ -82,7 +82,7 @@ class RateEquations:
         """dx/dt (S,) at counts (S,), copies per tu."""
         return np.asarray(self.gains @ self.rates(at, np.asarray(x, dtype=float)))
 
-    def steps(self, start: Ints, end: float, max_seconds: float) -> Iterator[Any]:
+    def steps(self, start: Ints | Floats, end: float, max_seconds: float) -> Iterator[Any]:
         """Integrate from counts (S,) at time 0 until `end`, tu: the solver of scipy after each of its steps.
 
         LSODA (Petzold 1983, doi:10.1137/0904010) with tolerance 1e-9, which finds stiffness itself. A ValueError says
