@@ -13,8 +13,10 @@ from click.core import ParameterSource
 
 from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.models import conditions, described, instead_of_many_states, is_network_file, remarks, shown_of
+from kinetics.commands.until import EndingRuns, first_times_data, first_times_text
 from kinetics.predicting import AskedAccuracy, Job, predict_job
 from kinetics.predicting.mean_field import MeanField, MeanFieldSolution
+from kinetics.predicting.prediction import RUNS
 from kinetics.sampling.methods import BY_NAME as SAMPLING
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.cli.declared import count_option, default_option, files_option
@@ -103,6 +105,12 @@ INSTEAD = (
     callback=table_of("pandas"),
     help="Write every event of these single runs to this CSV file; may be repeated.",
 )
+@click.option(
+    "--until",
+    metavar="CONDITION",
+    help="Report too when this condition on counts first holds, as in 'AB >= 8 & A < 15', from as many runs, which end "
+    "there.",
+)
 @count_option("--threads", help="Largest number of threads used.  [default: one per core]")
 @heading(RULES)
 @count_option(
@@ -142,6 +150,7 @@ def predict(
     max_events: int,
     trajectories: int,
     trajectories_files: tuple[str, ...],
+    until: str | None,
     threads: int | None,
     draws: int,
     with_elasticity: bool,
@@ -180,10 +189,17 @@ def predict(
     if asked_for is not None and method is not None:
         raise ValueError(f"--method {method} together with --accuracy, which chooses the method: give one or the other")
     chosen = asked_for if method is None else within_budget(method, 60 * budget)
-    _check_trajectories(trajectories, trajectories_files, method)
+    _check_runs(trajectories, trajectories_files, until, method)
     with progress_line(budget=budget) as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
         job = Job(model, grid, sums, seed, threads, progress, max_events, trajectories)
+        ending = None if until is None else EndingRuns.of(replace(job, model=_at_mean(model, rates)), method, until)
         made = predict_job(job, rates, chosen, runs, draws)
+        first, is_complete = None, made.is_complete
+        if ending is not None and is_complete:
+            try:
+                first = ending.first_times(RUNS if runs is None else runs, float(made.times[-1]))
+            except KeyboardInterrupt:
+                is_complete = False
         found = None
         if rates is not None and (with_elasticity or elasticity_files):
             from kinetics.predicting import count_elasticities
@@ -209,7 +225,7 @@ def predict(
                 "method_used": made.method,
                 "runs": made.runs,
                 "truncated": None if made.truncated is None else made.truncated.to_dict(),
-                "complete": made.is_complete,
+                "complete": is_complete,
                 "seed": seed,
                 "time_unit": made.network.time_unit,
                 "times": made.times,
@@ -223,28 +239,35 @@ def predict(
                 "mean_field": made.result.to_dict() if isinstance(made.result, MeanFieldSolution) else None,
                 "accuracy": None if made.reached is None else made.reached.to_dict(),
                 "trajectories": None if made.trajectories is None else made.trajectories.to_dict(),
+                "first_time": None if first is None else first_times_data(first),
                 "elasticities": None if found is None else found.to_dict(),
                 "notes": (*model.notes, *made.notes),
                 "cpu_seconds": made.cpu_seconds,
             }
         )
     else:
-        words = () if picked is None else (_why(picked, made.network.time_unit),)
-        click.echo(_prediction_table(made, (*remarks(*given), *words)))
+        words = remarks(*given)
+        words += () if picked is None else (_why(picked, made.network.time_unit),)
+        words += () if first is None else first_times_text(first, rates is not None and rates.has_evidence)
+        click.echo(_prediction_table(made, words))
         if found is not None:
             click.echo(_elasticity_table(found, made))
-    if not made.is_complete:
+    if not is_complete:
         raise SystemExit(INTERRUPTED)
     if made.truncated is not None:
         raise SystemExit(INCOMPLETE)
+
+
+def _at_mean(model: Model, rates: AppliedRates | None) -> Model:
+    """The model at the posterior mean of each rate constant, as `predict` has it."""
+    return model if rates is None else replace(model, network=rates.expected(model.network, model.tank))
 
 
 def _duration(model: Model, rates: AppliedRates | None) -> ChosenDuration:
     """A duration for a network file, from its rates."""
     from kinetics.predicting.duration import chosen_duration
 
-    network = model.network if rates is None else rates.expected(model.network, model.tank)
-    return chosen_duration(replace(model, network=network), DURATION)
+    return chosen_duration(_at_mean(model, rates), DURATION)
 
 
 def _why(picked: ChosenDuration, unit: str) -> str:
@@ -252,14 +275,21 @@ def _why(picked: ChosenDuration, unit: str) -> str:
     return f"duration {in_unit(f'{picked.value:g}', unit)} chosen, as none was given: {picked.why}"
 
 
-def _check_trajectories(runs: int, files: tuple[str, ...], method: str | None) -> None:
-    """ValueError for a table of no runs, and for runs of a method that makes none."""
-    if files and not runs:
+def _check_runs(trajectories: int, files: tuple[str, ...], until: str | None, method: str | None) -> None:
+    """ValueError for a table of no runs, and for what is asked of runs of a method that makes none."""
+    if files and not trajectories:
         raise ValueError("--trajectories-csv, but no --trajectories; state their number, as in --trajectories 5")
-    if runs and method is not None and method not in (*SAMPLING, MeanField.name):
+    if method is None or method in SAMPLING:
+        return
+    if trajectories and method != MeanField.name:
         raise ValueError(
-            f"--trajectories {runs} are sampled runs, but --method {method} solves the master equation and makes "
-            f"none; leave out --method, or --trajectories"
+            f"--trajectories {trajectories} are sampled runs, but --method {method} solves the master equation and "
+            f"makes none; leave out --method, or --trajectories"
+        )
+    if until is not None:
+        raise ValueError(
+            f"--until {until!r} ends sampled runs, but --method {method} makes none; leave out --method, or solve for "
+            f"the time by `wellmixed passage --species NAME --copies N` or `wellmixed ask`"
         )
 
 
