@@ -29,10 +29,12 @@ FILES = {
     "stiff.rxn": "A <-> B, 1000, 2000\nB <-> C, 1, 0.7\nC <-> D, 0.001, 0.004\nA = 40",  # 12,341
     "pair.rxn": "A <-> B, 1.3, 1\nB <-> C, 1, 0.7\nA = 60",  # 1,891
     "open.rxn": "0 -> A, 500\n0 -> B, 400\nA -> 0, 1\nB -> 0, 0.5\nA + B -> 0, 0.0001",
+    "cycle.rxn": "X -> 2 X, 1\nX + Y -> 2 Y, 0.005\nY -> 0, 0.6\nX = 100\nY = 100",
     "law.rxn": "0 -> A, 500\nA -> 0, 1.0 * A / (1 + 0.001 * A)\n0 -> B, 5\nB -> 0, 1",
 }
 SOLVED = {"transient": "loop", "dense": "pair", "collocation": "stiff", "fsp": "open"}
 WORK = {f"predict {name}": ["predict", f"{SOLVED[name]}.rxn", "--method", name, "--times", "10000"] for name in SOLVED}
+WORK["predict mean-field"] = ["predict", "cycle.rxn", "--method", "mean-field", "--times", "1e9"]
 WORK |= {
     f"predict {name}": [
         *("predict", f"{'law' if name == 'general' else 'open'}.rxn", "--method", name, "--times", "5e4"),

@@ -27,6 +27,7 @@ SIMULATE = ("simulate", "line4", "--cubes", 2, "--duration", 0.1)
     [
         ((*PREDICT, "--plot", "a.png"), "matplotlib"),
         ((*PREDICT, "--csv", "a.csv"), "pandas"),
+        ((*PREDICT, "--trajectories-csv", "a.csv"), "pandas"),
         ((*PREDICT, "--elasticity-plot", "a.png"), "matplotlib"),
         ((*SCAN, "--parquet", "a.parquet"), "pyarrow"),
         ((*SCAN, "--parquet", "a.parquet"), "pandas"),

@@ -13,17 +13,18 @@ from kinetics.sampling.methods import BY_NAME
 
 if TYPE_CHECKING:
     from kinetics.markov.transient import SolvingMethod
+    from kinetics.predicting.mean_field import MeanField
     from kinetics.sampling import SamplingMethod
 
 
-def within_budget(name: str, seconds: float) -> SamplingMethod | SolvingMethod:
+def within_budget(name: str, seconds: float) -> SamplingMethod | SolvingMethod | MeanField:
     """The method of this name; one that forecasts its work refuses what is forecast to take more CPU time, s."""
     method: Any = method_of(name)
     return method_of(replace(method, max_seconds=seconds) if hasattr(method, "max_seconds") else method)
 
 
 class MethodName(click.Choice[str]):
-    """The name of a sampling or solving method."""
+    """The name of a sampling or solving method, or of the mean field."""
 
     case_sensitive = True
 

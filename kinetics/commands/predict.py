@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,12 +12,17 @@ import numpy as np
 from click.core import ParameterSource
 
 from kinetics.commands.methods import MethodName, within_budget
-from kinetics.commands.models import conditions, described, instead_of_many_states, remarks, shown_of
+from kinetics.commands.models import conditions, described, instead_of_many_states, is_network_file, remarks, shown_of
+from kinetics.commands.until import EndingRuns, first_times_data, first_times_text
 from kinetics.predicting import AskedAccuracy, Job, predict_job
+from kinetics.predicting.mean_field import MeanField, MeanFieldSolution
+from kinetics.predicting.prediction import RUNS
+from kinetics.sampling.methods import BY_NAME as SAMPLING
 from kinetics.sampling.watch import MAX_EVENTS
 from kinetics.support.cli.declared import count_option, default_option, files_option
 from kinetics.support.cli.failures import INCOMPLETE, INTERRUPTED
 from kinetics.support.cli.options import (
+    DURATION,
     HEADING,
     RULES,
     ModelOptions,
@@ -30,6 +36,7 @@ from kinetics.support.cli.options import (
     picture_of,
     plot_option,
     seed_option,
+    table_of,
     time_grid,
     write_plots,
     write_tables,
@@ -38,7 +45,10 @@ from kinetics.support.cli.progress import progress_line
 from kinetics.support.tables import figure, in_unit, text_table
 
 if TYPE_CHECKING:
+    from kinetics.network import Model
     from kinetics.predicting import AskedAccuracy, Elasticities, Prediction
+    from kinetics.predicting.duration import ChosenDuration
+    from kinetics.rates.applied import AppliedRates
 
 INSTEAD = (
     "Keep only the likely states by --method fsp, start from smaller counts, or leave out --method to sample",
@@ -52,13 +62,14 @@ INSTEAD = (
     "--duration",
     metavar="T",
     type=float,
-    help="Predict from time 0 to this time, tu or the model's own.  [default: 2000]",
+    help="Predict from time 0 to this time, tu or the model's own.  [default: 2000 for a rule book; chosen from the "
+    "rates for a network file]",
 )
 @click.option("--times", type=float, multiple=True, metavar="T ...", help="Predict at these times instead.")
 @click.option(
     "--show", "shown", multiple=True, metavar="NAME", help="Show only this species or observable; may be repeated."
 )
-@click.option("--method", type=MethodName(), help="Sampling or solving method.  [default: auto]")
+@click.option("--method", type=MethodName(), help="Sampling or solving method, or mean-field.  [default: auto]")
 @count_option(
     "--runs",
     help="Minimum number of runs of a sampling method; if the rates have evidence, 100 for each draw of the rates.  "
@@ -80,6 +91,25 @@ INSTEAD = (
     "--max-events",
     default=MAX_EVENTS,
     help="Maximum number of events in a run; results end where a run would exceed it.",
+)
+@count_option(
+    "--trajectories",
+    default=0,
+    least=0,
+    help="Number of single runs to sample as well, with every event, for --plot (thin steps), --trajectories-csv and "
+    "--json.",
+)
+@files_option(
+    "--trajectories-csv",
+    "trajectories_files",
+    callback=table_of("pandas"),
+    help="Write every event of these single runs to this CSV file; may be repeated.",
+)
+@click.option(
+    "--until",
+    metavar="CONDITION",
+    help="Report too when this condition on counts first holds, as in 'AB >= 8 & A < 15', from as many runs, which end "
+    "there.",
 )
 @count_option("--threads", help="Largest number of threads used.  [default: one per core]")
 @heading(RULES)
@@ -118,6 +148,9 @@ def predict(
     accuracy_of: str,
     budget: float,
     max_events: int,
+    trajectories: int,
+    trajectories_files: tuple[str, ...],
+    until: str | None,
     threads: int | None,
     draws: int,
     with_elasticity: bool,
@@ -132,9 +165,10 @@ def predict(
     NETWORK is a rule book, which needs --rates and --cubes, or a network file that contains both (BioNetGen .net, SBML
     and others). The report gives mean and standard deviation of every species. If the rates come with their events and
     exposure, runs are spread over draws of the rates from their posterior, and the mean has a 95 % interval; a method
-    that solves takes the posterior mean of each rate constant. The method `auto` samples runs by the method
-    expected to be cheapest; `transient` solves the master equation. Runs are not stored, so there may be millions;
-    Ctrl-C reports those made so far.
+    that solves takes the posterior mean of each rate constant. The method `auto` samples runs by the method expected
+    to be cheapest; `transient` solves the master equation; `mean-field` integrates the rate equations, an approximation
+    without a bound, and reports its distance from the exact mean if that is cheap to solve. Runs are not stored, so
+    there may be millions; Ctrl-C reports those made so far.
 
     With --accuracy the method and the number of runs are chosen: the solution with its proven error, or runs until they
     are enough, in 20 minutes of CPU time unless --budget says otherwise. 1% is relative to each species' largest mean
@@ -149,13 +183,23 @@ def predict(
     model, rates = given = described(asked)
     if (with_elasticity or elasticity_files) and rates is None:
         raise ValueError(f"elasticities are by the parameters of a rates file; {asked.source} has its own rates")
-    grid, sums = time_grid(duration, times), shown_of(model, shown)
+    picked = None if times or duration is not None or not is_network_file(asked.source) else _duration(model, rates)
+    grid = time_grid(duration if picked is None else picked.value, times)
+    sums = shown_of(model, shown)
     if asked_for is not None and method is not None:
         raise ValueError(f"--method {method} together with --accuracy, which chooses the method: give one or the other")
     chosen = asked_for if method is None else within_budget(method, 60 * budget)
+    _check_runs(trajectories, trajectories_files, until, method)
     with progress_line(budget=budget) as progress, instead_of_many_states(INSTEAD[method == "fsp"]):
-        job = Job(model, grid, sums, seed, threads, progress, max_events)
+        job = Job(model, grid, sums, seed, threads, progress, max_events, trajectories)
+        ending = None if until is None else EndingRuns.of(replace(job, model=_at_mean(model, rates)), method, until)
         made = predict_job(job, rates, chosen, runs, draws)
+        first, is_complete = None, made.is_complete
+        if ending is not None and is_complete:
+            try:
+                first = ending.first_times(RUNS if runs is None else runs, float(made.times[-1]))
+            except KeyboardInterrupt:
+                is_complete = False
         found = None
         if rates is not None and (with_elasticity or elasticity_files):
             from kinetics.predicting import count_elasticities
@@ -165,6 +209,8 @@ def predict(
             found = count_elasticities(model, rates, None, made.times[-1:], drawn, sums)
     write_tables(csv_files, made.to_dataframe)
     write_plots(plot_files, made.plot)
+    if made.trajectories is not None:
+        write_tables(trajectories_files, made.trajectories.to_dataframe)
     if found is not None:
         write_plots(elasticity_files, partial(found.plot, names=made.network.species))
     if as_json:
@@ -179,30 +225,72 @@ def predict(
                 "method_used": made.method,
                 "runs": made.runs,
                 "truncated": None if made.truncated is None else made.truncated.to_dict(),
-                "complete": made.is_complete,
+                "complete": is_complete,
                 "seed": seed,
                 "time_unit": made.network.time_unit,
                 "times": made.times,
+                "duration": None if picked is None else picked._asdict(),
                 "species": made.network.species,
                 "mean": made.mean,
                 "sd": made.sd,
                 "interval": {"level": 0.95, "low": made.low, "high": made.high} if has_interval else None,
                 "standard_error": made.standard_error,
                 "error": made.error,
+                "mean_field": made.result.to_dict() if isinstance(made.result, MeanFieldSolution) else None,
                 "accuracy": None if made.reached is None else made.reached.to_dict(),
+                "trajectories": None if made.trajectories is None else made.trajectories.to_dict(),
+                "first_time": None if first is None else first_times_data(first),
                 "elasticities": None if found is None else found.to_dict(),
                 "notes": (*model.notes, *made.notes),
                 "cpu_seconds": made.cpu_seconds,
             }
         )
     else:
-        click.echo(_prediction_table(made, remarks(*given)))
+        words = remarks(*given)
+        words += () if picked is None else (_why(picked, made.network.time_unit),)
+        words += () if first is None else first_times_text(first, rates is not None and rates.has_evidence)
+        click.echo(_prediction_table(made, words))
         if found is not None:
             click.echo(_elasticity_table(found, made))
-    if not made.is_complete:
+    if not is_complete:
         raise SystemExit(INTERRUPTED)
     if made.truncated is not None:
         raise SystemExit(INCOMPLETE)
+
+
+def _at_mean(model: Model, rates: AppliedRates | None) -> Model:
+    """The model at the posterior mean of each rate constant, as `predict` has it."""
+    return model if rates is None else replace(model, network=rates.expected(model.network, model.tank))
+
+
+def _duration(model: Model, rates: AppliedRates | None) -> ChosenDuration:
+    """A duration for a network file, from its rates."""
+    from kinetics.predicting.duration import chosen_duration
+
+    return chosen_duration(_at_mean(model, rates), DURATION)
+
+
+def _why(picked: ChosenDuration, unit: str) -> str:
+    """A line on a duration that was chosen."""
+    return f"duration {in_unit(f'{picked.value:g}', unit)} chosen, as none was given: {picked.why}"
+
+
+def _check_runs(trajectories: int, files: tuple[str, ...], until: str | None, method: str | None) -> None:
+    """ValueError for a table of no runs, and for what is asked of runs of a method that makes none."""
+    if files and not trajectories:
+        raise ValueError("--trajectories-csv, but no --trajectories; state their number, as in --trajectories 5")
+    if method is None or method in SAMPLING:
+        return
+    if trajectories and method != MeanField.name:
+        raise ValueError(
+            f"--trajectories {trajectories} are sampled runs, but --method {method} solves the master equation and "
+            f"makes none; leave out --method, or --trajectories"
+        )
+    if until is not None:
+        raise ValueError(
+            f"--until {until!r} ends sampled runs, but --method {method} makes none; leave out --method, or solve for "
+            f"the time by `wellmixed passage --species NAME --copies N` or `wellmixed ask`"
+        )
 
 
 def _accuracy(size: str | None, of: str, budget: float | None) -> AskedAccuracy | None:

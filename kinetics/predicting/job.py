@@ -25,6 +25,7 @@ class Job:
 
     seed, threads, max_events : of runs, see `simulate`
     report : called with a line of text on how far the work is
+    trajectories : number of single runs to sample next to the prediction, see `sample_trajectories`
 
     >>> from kinetics import Model, Network
     >>> from kinetics.predicting import Job
@@ -39,6 +40,7 @@ class Job:
     threads: int | None = None
     report: Callable[[str], None] = lambda _: None
     max_events: int = MAX_EVENTS
+    trajectories: int = 0
 
     def __post_init__(self) -> None:
         set_fields(self, grid=some_times(self.grid))

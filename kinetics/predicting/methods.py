@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from kinetics.predicting.mean_field import MeanField
 from kinetics.sampling.base import SamplingMethod
 from kinetics.sampling.methods import BY_NAME as SAMPLING
 
@@ -12,13 +13,13 @@ if TYPE_CHECKING:
 
 
 def names() -> tuple[str, ...]:
-    """The names of all methods, those that sample first."""
+    """The names of all methods: those that sample, those that solve the master equation, and the mean field."""
     from kinetics.markov.transient.methods import BY_NAME
 
-    return (*SAMPLING, *BY_NAME)
+    return (*SAMPLING, *BY_NAME, MeanField.name)
 
 
-def method_of(method: SamplingMethod | SolvingMethod | str) -> SamplingMethod | SolvingMethod:
+def method_of(method: SamplingMethod | SolvingMethod | MeanField | str) -> SamplingMethod | SolvingMethod | MeanField:
     """The method of this name, with its default settings; a method itself as it is.
 
     ValueError: no such name
@@ -30,6 +31,8 @@ def method_of(method: SamplingMethod | SolvingMethod | str) -> SamplingMethod | 
         return method
     if method in SAMPLING:
         return SAMPLING[method]()
+    if method == MeanField.name:
+        return MeanField()
     from kinetics.markov.transient.methods import BY_NAME
 
     if method in BY_NAME:

@@ -13,8 +13,10 @@ from numpy.typing import ArrayLike
 from kinetics.network import Model, Network
 from kinetics.predicting.accuracy import AskedAccuracy
 from kinetics.predicting.job import Job
+from kinetics.predicting.mean_field import APPROXIMATE, MeanField, MeanFieldSolution
 from kinetics.predicting.methods import method_of
 from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, RunsOverDraws, runs_over_draws
+from kinetics.predicting.trajectories import Trajectories, sample_trajectories
 from kinetics.runs import Truncation
 from kinetics.sampling import Auto, SamplingMethod
 from kinetics.sampling.forecast import forecast_runs
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
     from kinetics.rates.applied import AppliedRates
     from kinetics.rates.posterior import Posterior
 
+    AnyMethod = SamplingMethod | SolvingMethod | MeanField
+
 RUNS = 1000
 
 
@@ -47,14 +51,16 @@ class Prediction(Shown, Tabular):
         and one that does not those at the posterior mean of each rate constant
     low, high : 95 % interval of the mean from the uncertainty of the rates; None if these have no evidence
     standard_error : of the mean, that of drawing rates included; 0 for a method that does not sample, nan for one run
-    error : bound on, or estimate of, the numerical error of the probabilities; 0 for a method that samples
+    error : bound on, or estimate of, the numerical error of the probabilities; 0 for a method that samples, nan for the
+        mean field, whose means have no bound; its sd is nan too
     notes : remarks on the interval, for the reader
     is_complete : whether all runs and draws were made; fewer are made after Ctrl-C
     method : by its name; one that chooses says in brackets what it chose
-    result : the statistics of the runs, or the Distribution, from which mean and sd come
+    result : the statistics of the runs, the Distribution or the MeanFieldSolution from which mean and sd come
     drawn : means under single draws of the rates, from which the interval comes; None if there is none
     reached : the accuracy, and how it was reached; None if none was asked for
     truncated : why there are fewer times than were asked for; None if there are not
+    trajectories : single runs sampled next to it; None if none were asked for
 
     >>> from kinetics import ChannelRate, Convention, Network, Rates, predict
     >>> decay = Network.from_text("decay: A -> 0, 1")
@@ -74,13 +80,14 @@ class Prediction(Shown, Tabular):
     standard_error: Floats
     error: float
     notes: tuple[str, ...]
-    result: EnsembleStatistics | Distribution
+    result: EnsembleStatistics | Distribution | MeanFieldSolution
     method: str
     cpu_seconds: float
     is_complete: bool = True
     drawn: DrawMeans | None = None
     reached: Reached | None = None
     truncated: Truncation | None = None
+    trajectories: Trajectories | None = None
 
     @property
     def runs(self) -> int | None:
@@ -90,6 +97,8 @@ class Prediction(Shown, Tabular):
     @property
     def headline(self) -> str:
         """One line: what the figures are, the method, their precision, and the CPU time."""
+        if isinstance(self.result, MeanFieldSolution):
+            return f"{APPROXIMATE}; method {self.method}; {self.result.comparison}; {self.cpu_seconds:.2g} s CPU"
         explained = "mean ± sd of a run" + ("" if self.low is None else " [95 % interval of the mean, from the rates]")
         precision = f"numerical error of the probabilities below {self.error:.1g}"
         if self.runs is not None:
@@ -111,24 +120,32 @@ class Prediction(Shown, Tabular):
 
     def to_dataframe(self) -> pd.DataFrame:
         """One row per time and species."""
+        return dataframe_over_times(self.times, "species", self.network.species, self._columns())
+
+    def _columns(self) -> dict[str, Floats]:
+        """The figures (T, S) of tables; the mean field, an approximation, is called that, and has no others."""
+        if isinstance(self.result, MeanFieldSolution):
+            return {"mean_field": self.mean}
         columns = {"mean": self.mean, "sd": self.sd, "standard_error": self.standard_error}
         if self.low is not None and self.high is not None:
             columns |= {"low": self.low, "high": self.high}
-        return dataframe_over_times(self.times, "species", self.network.species, columns)
+        return columns
 
     def to_xarray(self) -> xr.Dataset:
         """Mean, sd, standard error and interval as a dataset with dimensions time and species; needs xarray."""
-        columns = {"mean": self.mean, "sd": self.sd, "standard_error": self.standard_error}
-        if self.low is not None and self.high is not None:
-            columns |= {"low": self.low, "high": self.high}
-        variables = {name: (("time", "species"), values) for name, values in columns.items()}
+        variables = {name: (("time", "species"), values) for name, values in self._columns().items()}
         places = {"time": self.times, "species": list(self.network.species)}
         return dataset(variables, places, self.network.time_unit, method=self.method)
 
     @on_axes
     def plot(self, ax: Any) -> Any:
-        """Plot the means, bands of the middle 95 % of runs, and the interval of the mean (dashed); returns `ax`."""
+        """Plot the means, bands of the middle 95 % of runs, and the interval of the mean (dashed); returns `ax`.
+
+        Trajectories are thin steps behind them.
+        """
         self.result.plot(ax)
+        if self.trajectories is not None:
+            self.trajectories.plot(ax)
         if self.low is not None and self.high is not None:
             plots.intervals(ax, self.times, self.low, self.high)
         return ax
@@ -138,23 +155,27 @@ def predict(
     model: Model | Network,
     rates: AppliedRates | None = None,
     times: ArrayLike = (),
-    method: SamplingMethod | SolvingMethod | AskedAccuracy | str | None = None,
+    method: AnyMethod | AskedAccuracy | str | None = None,
     runs: int | None = None,
     seed: int = 0,
     draws: int = 200,
     threads: int | None = None,
     progress: Callable[[str], None] | None = None,
+    trajectories: int = 0,
 ) -> Prediction:
     """Predict mean and spread of the counts at `times` under `rates`, with a 95 % interval of the mean.
 
     rates : None for the model's own, which are taken as known, so that there is no interval
-    method : a sampling or solving method, or its name; Auto() by default. Or an `AskedAccuracy`, or a text such as
+    method : a sampling or solving method, or its name; Auto() by default. "mean-field" integrates the rate equations,
+        an approximation without a bound. Or an `AskedAccuracy`, or a text such as
         "1%": the cheapest method that reaches it is chosen, see `adaptive_prediction`, and mean and sd are those at the
         posterior mean of each rate constant
     runs : least number of runs of a sampling method, 1000 by default; with evidence there are `RUNS_PER_DRAW` under
         each draw
     draws : least number of draws of the rates from their posterior; the interval comes from so many
     progress : called with a line of text on how far the work is; None for silence
+    trajectories : number of single runs to sample too, see `sample_trajectories`; with evidence at the posterior mean
+        of each rate constant
     ValueError: rates of another network or without their tank, missing rates, or what the method refuses; an accuracy
         together with runs, one that no method can reach, or that would cost more than the budget
 
@@ -177,14 +198,16 @@ def predict(
     >>> bool((abs(sampled.mean - exact.mean) < 5 * sampled.standard_error).all())
     True
     """
-    job = Job(Model.of(model), np.asarray(times), None, seed, threads, progress or (lambda _: None))
+    job = Job(
+        Model.of(model), np.asarray(times), None, seed, threads, progress or (lambda _: None), trajectories=trajectories
+    )
     return predict_job(job, rates, method, runs, draws)
 
 
 def predict_job(
     job: Job,
     rates: AppliedRates | None = None,
-    method: SamplingMethod | SolvingMethod | AskedAccuracy | str | None = None,
+    method: AnyMethod | AskedAccuracy | str | None = None,
     runs: int | None = None,
     draws: int = 200,
 ) -> Prediction:
@@ -205,10 +228,13 @@ def predict_job(
         if rates.has_evidence:
             posterior = rates.posterior(given.network, given.tank)
         job = replace(job, model=replace(given, network=rates.expected(given.network, given.tank)))
+    singles = sample_trajectories(job, job.trajectories) if job.trajectories else None
     if isinstance(chosen, AskedAccuracy):
         found = _adapted(job, chosen, runs)
     elif isinstance(chosen, SamplingMethod):
         found = _sampled(job, chosen, RUNS if runs is None else runs, posterior, draws)
+    elif isinstance(chosen, MeanField):
+        found = _Found(chosen.solve(job), chosen.name)
     else:
         found = _solved(job, chosen)
     result, spread = found.result, found.spread
@@ -216,6 +242,8 @@ def predict_job(
     was_interrupted = isinstance(result, EnsembleStatistics) and not result.is_complete
     if posterior is not None and spread is None and was_interrupted:
         notes.append("no interval: interrupted before the draws of the rates")
+    elif posterior is not None and isinstance(result, MeanFieldSolution):
+        notes.append("no interval: the mean field is that at the posterior mean of each rate constant")
     elif posterior is not None and spread is None:
         spread = runs_over_draws(replace(job, grid=result.times), posterior, 1, draws, Auto())
         is_complete = is_complete and spread.statistics.is_complete
@@ -241,6 +269,9 @@ def predict_job(
         notes += [f"the middle 95 % of the runs is known to {off} copies"] if off else []
     else:
         standard_error, error = np.zeros(mean.shape), result.error
+    if singles is not None:
+        notes += singles.notes
+        notes += [] if posterior is None else ["trajectories are those at the posterior mean of each rate constant"]
     return Prediction(
         job.shown,
         result.times,
@@ -258,6 +289,7 @@ def predict_job(
         drawn,
         found.reached,
         truncated,
+        singles,
     )
 
 
@@ -267,7 +299,7 @@ class _Found(NamedTuple):
     spread : the runs over draws of the rates, if mean and sd come from these
     """
 
-    result: EnsembleStatistics | Distribution
+    result: EnsembleStatistics | Distribution | MeanFieldSolution
     method: str
     is_complete: bool = True
     notes: tuple[str, ...] = ()
@@ -276,8 +308,8 @@ class _Found(NamedTuple):
 
 
 def _chosen(
-    method: SamplingMethod | SolvingMethod | AskedAccuracy | str | None,
-) -> SamplingMethod | SolvingMethod | AskedAccuracy:
+    method: AnyMethod | AskedAccuracy | str | None,
+) -> AnyMethod | AskedAccuracy:
     """The method, or the accuracy of a text such as "1%"; Auto() by default."""
     if isinstance(method, AskedAccuracy):
         return method

@@ -40,6 +40,15 @@ def steps(ax: Any, times: ArrayLike, counts: ArrayLike, names: Sequence[str], un
     return _beside(_finish(ax, "copies", unit))
 
 
+def thin_steps(ax: Any, runs: Sequence[tuple[ArrayLike, ArrayLike]]) -> Any:
+    """Single runs, times (T,) and counts (T, S) of each, as thin steps behind the `bands` of the axes; returns `ax`."""
+    for times, counts in runs:
+        for i, column in enumerate(np.asarray(counts).T):
+            ax.step(times, column, where="post", color=colour(i), linewidth=0.5, alpha=0.6, zorder=0.5)
+    ax.plot([], [], color="grey", linewidth=0.5, label="single run")
+    return _beside(ax)
+
+
 def bands(
     ax: Any,
     times: ArrayLike,
@@ -55,6 +64,19 @@ def bands(
         ax.fill_between(times, bottom, top, color=colour(i), alpha=0.2, linewidth=0)
         ax.plot(times, curve, label=name, **line(i))
     return _beside(_finish(ax, "copies (mean, middle 95 %)", unit))
+
+
+def approximate(
+    ax: Any, times: ArrayLike, values: ArrayLike, names: Sequence[str], label: str, unit: str = "tu"
+) -> Any:
+    """Dotted curves (T, S) over the `bands` of the axes, or alone, called `label`; returns `ax`."""
+    is_alone = not ax.has_data()
+    for i, (name, column) in enumerate(zip(names, np.asarray(values).T, strict=True)):
+        ax.plot(times, column, color=colour(i), linestyle=":", linewidth=2.2, label=name if is_alone else None)
+    if is_alone:
+        return _beside(_finish(ax, f"copies, {label}", unit))
+    ax.plot([], [], color="grey", linestyle=":", linewidth=2.2, label=label)
+    return _beside(ax)
 
 
 def intervals(ax: Any, times: ArrayLike, low: ArrayLike, high: ArrayLike) -> Any:

@@ -39,6 +39,22 @@ CALLS = (
     ["predict", "pair.rxn", "--times", 60, "--method", "transient"],
     ["predict", "pair.rxn", "--times", 60, "--accuracy", "5%", "--show", "A"],
     ["predict", "pair.rxn", "--times", 60, "--accuracy", "1e-10%"],  # a tenth of it is beyond all
+    ["predict", "pair.rxn", "--runs", 20, "--until", "AB >= 8"],
+    [
+        "predict",
+        "growth.rxn",
+        "--times",
+        5,
+        "--runs",
+        20,
+        "--max-events",
+        800,
+        "--until",
+        "A >= 900",
+    ],  # truncated there
+    ["predict", "pair.rxn", "--times", 9, "--trajectories", 2],
+    ["predict", "pair.rxn", "--times", 9, "--method", "mean-field"],
+    ["predict", "growth.rxn", "--times", 1, "--method", "mean-field"],
     ["predict", "growth.rxn", "--times", 1, "--times", 60, "--runs", 20],  # truncated
     ["passage", "pair.rxn", "--species", "AB", "--sensitivity"],
     ["passage", "pair.rxn", "--species", "AB", "--truncate", "A <= 20"],
