@@ -43,6 +43,8 @@ class ReactionLines(Format):
             check_names(path, read.species)
             if copies_per_unit is None:
                 read.check_events()
+            elif read.notes:
+                raise ValueError("its volume says how many copies its amounts are; leave out the copies per unit")
             network = network_of(read)
             sums = {name: _weights(name, formula, network.species) for name, formula in read.observables.items()}
             given = network.given
@@ -52,7 +54,7 @@ class ReactionLines(Format):
                 else amount
                 for name, amount in (dict.fromkeys(network.species, 0) | dict(given.initial)).items()
             }
-            return model_of(path, network, amounts, copies_per_unit, sums)
+            return model_of(path, network, amounts, copies_per_unit, sums, read.notes)
         except ValueError as error:
             raise error if str(path) in str(error) else ValueError(f"{path}, {error}") from None
 

@@ -7,6 +7,7 @@ k1 = 1e-3                    # a parameter: a number, or a formula of parameters
 A = 100                      # a count at time 0, of a name that is a species
 const S = 100                # a species that reactions neither take nor make
 at t = 20: A = A + 100       # an event; or when B > 30: A = 0, B = B - 10
+volume = 1 fL                # for units: k1 = 1e6 /M/s, A = 5 nM; see `units`
 time unit: s
 
 A rate that reads counts or the time t is the whole propensity. Any other is a rate constant k, and the propensity is
@@ -22,20 +23,22 @@ from dataclasses import dataclass, field, replace
 from kinetics.network.laws.events import Event
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.reading import LONGEST, NUMBER
-from kinetics.network.parameters import Parameters, meant, number_of
+from kinetics.network.parameters import Parameters, meant
 from kinetics.network.propensity import COMBINATIONS
 from kinetics.network.reactions import Reaction
 from kinetics.network.source_spans import QUOTED, Mark, SourceSpan
 from kinetics.network.text_events import UNNAMED, EventLine, check_new_counts, event_line, event_of, opens_event
 from kinetics.network.text_formulas import TextFormulas
 from kinetics.network.text_names import name_in, side_in
+from kinetics.network.text_values import is_law, read_parameters, read_rate
 
 MOST_REACTIONS = 10**6  # of a text
 BACKWARD = "{} backward"  # name of the second direction's channel
 SETTINGS = ("time unit", "species", "combinations", "observable")
 SETTING = re.compile(rf"\s*({'|'.join(SETTINGS)})\s*:")
 ADDEND = re.compile(rf"\s*(?:[0-9.]+\s*\*?\s*)?(?:[^\W\d]\w*|{QUOTED})\s*(\+)?")
-COUNT = re.compile("[0-9]{1,19}")
+VOLUME = "volume"
+VOLUME_TEXT = re.compile(rf"\s*(?>{NUMBER})\s*[^\W\d]")  # a number and a unit; any other value makes it a parameter
 CONSTANT = re.compile(r"\s*const\s+(?=[\w'\"])")
 
 
@@ -53,6 +56,7 @@ class ReactionText:
     written : parameter, or species with a count at time 0 -> where its value stands
     events : in the order of the text
     event_lines : name of each -> its line
+    notes : the volume, and what was rounded
     """
 
     species: list[str] = field(default_factory=list)
@@ -66,6 +70,7 @@ class ReactionText:
     written: dict[str, SourceSpan] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list)
     event_lines: dict[str, EventLine] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
     @property
     def constants(self) -> list[float]:
@@ -127,13 +132,19 @@ class _TextReading:
         self._check_constants()
         self.made.species = list(self.species)
         self.made.reactions = {name: self._held(pair) for name, pair, _ in self.reactions}
-        self._read_parameters()
-        for name, _, rate in self.reactions:
-            self._read_rate(name, rate)
+        self.made.parameters = read_parameters(self.formulas, self.chosen)
+        for name, (reactants, _), rate in self.reactions:
+            found = read_rate(self.formulas, rate, reactants, self.made.combinations)
+            if isinstance(found, Expression) and is_law(found):
+                self.made.laws[name] = found
+            else:
+                self.made.rates[name] = found
         for name, span in self.observables.items():
             self.made.observables[name] = self.formulas.read(span)
         self.made.events = [event_of(line, self.formulas, self.constants) for line in self.events.values()]
         self._check_used()
+        measures = self.formulas.measures
+        self.made.time_unit, self.made.notes = measures.time_unit, measures.notes
         return self.made
 
     def _check_used(self) -> None:
@@ -209,7 +220,7 @@ class _TextReading:
             raise given.wrong(fault)
         self.settings[setting] = given.text
         if setting == "time unit":
-            self.made.time_unit = given.text
+            self.formulas.measures.state_time(given.text)
             return
         if given.text not in COMBINATIONS:
             some = ", ".join(COMBINATIONS)
@@ -266,6 +277,9 @@ class _TextReading:
         key = name_in(name, "a parameter or a species")
         if key in self.assigned:
             raise name.wrong(f"{key!r} has a value in line {self.assigned[key].number} already; expected one")
+        if key == VOLUME and VOLUME_TEXT.match(formula.text):
+            self.formulas.measures.set_volume(formula)
+            return
         if not formula.text:
             raise formula.wrong(f"{key!r} has no value; expected a number or a formula of parameters")
         self.assigned[key] = formula
@@ -302,41 +316,6 @@ class _TextReading:
         while f"r{n}" in self.labels:
             n += 1
         return f"r{n}"
-
-    # Their formulas
-
-    def _read_parameters(self) -> None:
-        for name in self.chosen:
-            if name in self.species:
-                raise ValueError(f"{name!r} is a species; its count at time 0 is written as a line, '{name} = 100'")
-        formulas = self.formulas
-        given: dict[str, float | Expression] = {n: v for n, v in self.chosen.items() if n not in self.assigned}
-        initial: dict[str, int | Expression] = {}
-        values = {name: number_of(f"parameter {name!r}", value, {}) for name, value in self.chosen.items()}
-        formulas.values.update({name: values[name] for name in given})
-        for name, span in self.assigned.items():
-            if name not in self.species:
-                formula = formulas.read(span, only_parameters=True)
-                value = formulas.number(span, f"parameter {name!r}", values.get(name, formula))
-                formulas.values[name] = value
-                given[name] = formula if formula.parameters and name not in values else value
-        for name, span in self.assigned.items():
-            if name in self.species:
-                is_plain = COUNT.fullmatch(span.text)
-                initial[name] = int(span.text) if is_plain else formulas.read(span, only_parameters=True)
-                if formulas.number(span, f"the count of {name!r}", initial[name]) < 0:
-                    raise span.wrong(f"{span.text} copies of {name!r}; expected at least 0")
-        self.made.parameters = Parameters(given, {}, initial)
-
-    def _read_rate(self, name: str, span: SourceSpan) -> None:
-        rate = float(span.text) if re.fullmatch(NUMBER, span.text) else self.formulas.read(span)
-        if isinstance(rate, Expression) and (rate.reads_time or rate.species):  # all but parameters are species
-            self.made.laws[name] = rate
-            return
-        self.made.rates[name] = rate
-        value = self.formulas.number(span, "the rate", rate)
-        if value < 0:
-            raise span.wrong(f"the rate is {value:g}; expected at least 0")
 
 
 def _behind_the_sum(text: str, begin: int) -> int:

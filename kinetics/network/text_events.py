@@ -96,7 +96,7 @@ def event_of(line: EventLine, formulas: TextFormulas, constants: Collection[str]
     """
     moment = line.moment
     if line.is_at:
-        time = formulas.read(moment, only_parameters=True)
+        time = formulas.timed(moment, only_parameters=True)
         value = formulas.number(moment, "the time of the event", time)
         if value < 0:
             raise moment.wrong(f"the time of the event is {value:g}; expected at least 0")
@@ -112,7 +112,7 @@ def event_of(line: EventLine, formulas: TextFormulas, constants: Collection[str]
     for name, (target, formula) in line.sets.items():
         if name not in formulas.species or name in constants:
             raise target.wrong(_no_count(name, formulas, constants))
-        assign[name] = formulas.read(formula)
+        assign[name] = formulas.counted(formula)
     return moment.located(lambda: Event(line.name, when, assign, **given))
 
 
@@ -148,7 +148,7 @@ def _read_option(option: SourceSpan, is_at: bool, formulas: TextFormulas, given:
 
 
 def _delay(span: SourceSpan, formulas: TextFormulas) -> Expression:
-    delay = formulas.read(span)
+    delay = formulas.timed(span)
     if not delay.species and not delay.reads_time:
         value = formulas.number(span, "the delay", delay)
         if value < 0:

@@ -124,3 +124,55 @@ def test_a_formula_that_sbml_would_repeat_without_bound_is_refused(tmp_path):
     model = Model(Network.from_reactions({"r": ({"A": 1}, {})}, [1.0], events=[Event("e", "t > 1", {"A": formula})]))
     with pytest.raises(ValueError, match="has over 10000 parts in SBML; write it with fewer"):
         write(model, tmp_path / "m.xml")
+
+
+UNITS = """time unit: min
+volume = 2 fL
+bind: A + B -> C, k1
+2 A -> D, 1e6 /M/s
+D -> 0, v * D / (K + D)
+k1 = 1e6 /M/s
+v = 3 nM/min
+K = 5 nM
+A = 50 nM
+B = 2 * c
+c = 10 nM
+at t = 30 s: A = A + c
+"""
+
+
+def test_units_are_numbers_once_written_and_are_noted(tmp_path):
+    """The written file is the same model, with the parameters in their units; only the units are not written."""
+    model = model_at(tmp_path, UNITS)
+    assert model.notes == (
+        "volume 2 fL: 1 nM is 1.20443 copies",
+        "50 nM is 60.2214 copies, rounded to 60",
+        "2 * c is 24.0886 copies, rounded to 24",
+    )
+    write(model, tmp_path / "again.rxn")
+    again = read(tmp_path / "again.rxn")
+    assert again.digest == model.digest
+    one, other = (each.with_parameters(k1=2e6, c=20.0, v=1.0) for each in (model, again))
+    assert one.digest == other.digest != model.digest
+    assert one.initial.tolist() == [60, 48, 0, 0]
+    with pytest.raises(
+        ValueError, match=r"model\.rxn, its volume says how many copies .*leave out the copies per unit"
+    ):
+        read(tmp_path / "model.rxn", 10)
+
+
+def test_rates_with_units_by_sbml(tmp_path):
+    model = model_at(
+        tmp_path,
+        UNITS.replace("D -> 0, v * D / (K + D)\n", "D -> 0, v\n")
+        .replace("K = 5 nM\n", "")
+        .replace("3 nM/min", "3 /min"),
+    )
+    write(model, tmp_path / "model.xml")
+    again = read(tmp_path / "model.xml")
+    assert_array_equal(again.initial, [60, 24, 0, 0])
+    nv = 6.02214076e23 * 2e-15
+    expected = [60e6 / nv * 60 * 24, 60e6 / nv * 60 * 59, 3 * 7]
+    for each in (model, again):
+        assert_allclose(each.network.propensities([60, 24, 0, 7], 0.0), expected, rtol=1e-12)
+    assert_array_equal(runs(again), runs(model))
