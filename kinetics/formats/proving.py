@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from kinetics.formats.base import Format
+from kinetics.formats.proofevents import event_numbers
 from kinetics.network import Model, Network
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.output import scratch_folder
@@ -23,8 +24,8 @@ SEED = 1
 def check_written(kind: Format, model: Model, text: str, path: Path) -> None:
     """A ValueError that names what differs where the text, read back, is another model than this one.
 
-    Counts at time 0, what each channel changes, and at some states the propensities and observables, by their order:
-    names may be spelled otherwise. Cost: that of reading the file, for SBML a second of processor time for 1,000
+    Counts at time 0, what each channel changes, and at some states propensities, observables and events, by their
+    order: names may be spelled otherwise. Cost: that of reading the file, for SBML a second of processor time for 1,000
     channels, and of the propensities of all channels at 8 states at most, fewer beyond a million species and channels.
     """
     name = f"model{kind.suffixes[0]}"
@@ -44,6 +45,7 @@ def _compare(model: Model, again: Model, path: Path) -> None:
         ("species", was.species, now.species),
         ("channels", was.channels, now.channels),
         ("observables", tuple(model.observables), tuple(again.observables)),
+        ("events", tuple(each.name for each in was.events), tuple(each.name for each in now.events)),
     ):
         if len(given) != len(got):
             fault = f"it has {len(got)} {what} and not {len(given)}"
@@ -57,8 +59,12 @@ def _compare(model: Model, again: Model, path: Path) -> None:
         if not all(np.array_equal(*pair) for pair in zip(changes.row(r), others.row(r), strict=True)):
             raise _unlike(path, f"channel {was.channels[r]!r} changes other counts")
     for state, time in _states(model):
-        found, expected = _propensities(now, state, time), _propensities(was, state, time)
-        _check_close(path, "the propensity of channel", was.channels, found, expected)
+        rates, expected = _propensities(now, state, time), _propensities(was, state, time)
+        _check_close(path, "the propensity of channel", was.channels, rates, expected)
+        (events, numbers), (other_events, found) = event_numbers(was, state, time), event_numbers(now, state, time)
+        if len(events) != len(other_events):
+            raise _unlike(path, f"event {_first_other(events, other_events)!r} or another sets other species")
+        _check_close(path, "a number of event", events, found, numbers)
         _check_close(path, "observable", tuple(model.observables), _sums(again, state), _sums(model, state))
 
 

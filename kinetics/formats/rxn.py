@@ -17,8 +17,10 @@ from kinetics.network.laws.reading import node_of
 from kinetics.network.laws.writing import quoted
 from kinetics.network.network import network_of
 from kinetics.network.parameters import number_of
-from kinetics.network.reaction_text import MOST_COPIES, SETTINGS, read_reactions
+from kinetics.network.reaction_text import SETTINGS, read_reactions
 from kinetics.network.reactions import sides_of
+from kinetics.network.text_events import UNNAMED, event_text
+from kinetics.network.text_names import MOST_COPIES
 from kinetics.support.limits import MOST_SPECIES, check_count, check_names, text_in
 
 MAX_BYTES = 32 * 2**20
@@ -39,6 +41,10 @@ class ReactionLines(Format):
             read = read_reactions(text)
             check_count(path, "species", len(read.species), MOST_SPECIES)
             check_names(path, read.species)
+            if copies_per_unit is None:
+                read.check_events()
+            elif read.notes:
+                raise ValueError("its volume says how many copies its amounts are; leave out the copies per unit")
             network = network_of(read)
             sums = {name: _weights(name, formula, network.species) for name, formula in read.observables.items()}
             given = network.given
@@ -48,12 +54,12 @@ class ReactionLines(Format):
                 else amount
                 for name, amount in (dict.fromkeys(network.species, 0) | dict(given.initial)).items()
             }
-            return model_of(path, network, amounts, copies_per_unit, sums)
+            return model_of(path, network, amounts, copies_per_unit, sums, read.notes)
         except ValueError as error:
             raise error if str(path) in str(error) else ValueError(f"{path}, {error}") from None
 
     def text(self, model: Model) -> str:
-        """The model as lines, parameters and formulas with their names; a ValueError for events."""
+        """The model as lines, parameters and formulas with their names; a ValueError for what no line can say."""
         return "\n".join(_lines(model)) + "\n"
 
 
@@ -66,8 +72,6 @@ def _weights(name: str, formula: Expression, species: Sequence[str]) -> Mapping[
 
 def _lines(model: Model) -> list[str]:
     network = model.network
-    if network.events:
-        raise ValueError(f"a file of reactions has no events; {network.events[0].name!r} does not fit")
     if network.laws and network.at_zero != "block":
         raise ValueError(
             f"in a file of reactions a law waits for its reactants; at_zero={network.at_zero!r} does not fit"
@@ -87,6 +91,9 @@ def _lines(model: Model) -> list[str]:
         elif count:
             lines.append(f"{quoted(name)} = {count}")
     lines += [_reaction_line(network, r) for r in range(len(network.channels))]
+    for place, event in enumerate(network.events, 1):
+        label = "" if event.name == UNNAMED.format(place) else f"{_label(event.name)}: "
+        lines.append(label + event_text(event, lambda formula: _text(formula, given.given)))
     for name, weights in model.observables.items():
         terms = [quoted(each) if w == 1 else f"{float(w)!r} * {quoted(each)}" for each, w in weights.items()]
         lines.append(f"observable: {quoted(name)} = {' + '.join(terms) or '0'}")
@@ -96,7 +103,10 @@ def _lines(model: Model) -> list[str]:
 def _used(network: Network) -> list[str]:
     """The parameters that something is a formula of: others would be taken for a slip of the pen."""
     given = network.given
-    found = {name for each in (*network.laws.values(), *given.rates.values()) for name in each.parameters}
+    formulas = [*network.laws.values(), *given.rates.values()]
+    for event in network.events:
+        formulas += [event.condition, event.waits, *event.new_counts.values()]
+    found = {name for each in formulas for name in each.parameters}
     found |= {name for each in given.initial.values() if isinstance(each, Expression) for name in each.parameters}
     for name, each in reversed([*given.given.items()]):
         if name in found and isinstance(each, Expression):
@@ -136,8 +146,11 @@ def _reaction_line(network: Network, r: int) -> str:
         if not law.species and not law.reads_time:
             raise ValueError(f"the law of channel {name!r} is {law}, which reads no counts: it would be mass action")
         rate = rate if ways * k == 1 else f"{ways!r} * {k!r} * ({rate})"
-    label = repr(name) if name in SETTINGS else quoted(name)
-    return f"{label}: {before} -> {after}, {rate}"
+    return f"{_label(name)}: {before} -> {after}, {rate}"
+
+
+def _label(name: str) -> str:
+    return repr(name) if name in SETTINGS else quoted(name)
 
 
 def _text(formula: float | Expression, parameters: Mapping[str, float | Expression]) -> str:

@@ -7,9 +7,12 @@ from collections.abc import Mapping, Sequence
 from math import factorial
 from typing import Any
 
+from kinetics.formats.sbmlformulas import tree_of
 from kinetics.formats.sbmlmath import parts_of
 from kinetics.network import Model, Network
 from kinetics.network.checks import spelled_apart
+from kinetics.network.laws.events import Event
+from kinetics.network.laws.expression import Expression
 from kinetics.network.reactions import sides_of
 from kinetics.support.limits import BREAKS, check_visible
 from kinetics.support.packages import libsbml
@@ -18,19 +21,20 @@ PLACE = "x{}"  # of an id in a formula
 
 
 def sbml_text(model: Model) -> str:
-    """The model in Level 3 Version 1: one volume of size 1, amounts in copies, observables as assignment rules.
+    """The model in Level 3 Version 1: one volume of size 1, amounts in copies, observables as assignment rules, events.
 
     Names that no id can have are kept as names, beside an id with _ for the characters in question.
     """
     network = model.network
-    if not network.is_mass_action:
-        what = f"law of channel {next(iter(network.laws))!r}" if network.laws else f"event {network.events[0].name!r}"
-        raise ValueError(f"an SBML file is written for mass action alone; the {what} does not fit")
+    if network.laws:
+        name = next(iter(network.laws))
+        raise ValueError(f"an SBML file is written for mass action alone; the law of channel {name!r} does not fit")
     document = libsbml.SBMLDocument(3, 1)
     made = document.createModel()
     made.setSubstanceUnits("item")
     made.setExtentUnits("item")
-    ids = iter(spelled_apart(["tank", *network.species, *network.channels, *model.observables], _id))
+    names = ["tank", *network.species, *network.channels, *model.observables, *(each.name for each in network.events)]
+    ids = iter(spelled_apart(names, _id))
     place = made.createCompartment()
     place.setId(next(ids))
     place.setConstant(True)
@@ -60,7 +64,27 @@ def sbml_text(model: Model) -> str:
         rule.setVariable(parameter.getId())
         terms = [f"{weight!r} * {PLACE.format(i)}" for i, weight in enumerate(weights.values())]
         rule.setMath(_formula(" + ".join(terms) or "0", [species[network.index(each)] for each in weights]))
+    for event in network.events:
+        _add_event(made.createEvent(), next(ids), event, dict(zip(network.species, species, strict=True)))
     return str(libsbml.writeSBMLToString(document))
+
+
+def _add_event(made: Any, key: str, event: Event, ids: Mapping[str, str]) -> None:
+    made.setId(key)
+    made.setName(_shown(event.name))
+    made.setUseValuesFromTriggerTime(event.from_trigger)
+    trigger = made.createTrigger()
+    trigger.setInitialValue(event.was_true)
+    trigger.setPersistent(event.persistent)
+    trigger.setMath(tree_of(event.condition, ids, is_condition=True))
+    if event.is_delayed:
+        made.createDelay().setMath(tree_of(event.waits, ids))
+    if event.priority:
+        made.createPriority().setMath(tree_of(Expression(repr(event.priority)), ids))
+    for name, formula in event.new_counts.items():
+        assignment = made.createEventAssignment()
+        assignment.setVariable(ids[name])
+        assignment.setMath(tree_of(formula, ids))
 
 
 def _add_reaction(reaction: Any, key: str, name: str, network: Network, r: int, species: list[str]) -> None:

@@ -340,7 +340,7 @@ def network_of(read: ReactionText) -> Network:
     return Network(
         named, tuple(read.reactions), needed, change, np.ones(len(read.reactions)), np.array(read.constants),
         read.combinations,
-        laws=read.laws, given=read.given, time_unit=read.time_unit,
+        laws=read.laws, events=tuple(read.events), given=read.given, time_unit=read.time_unit,
     )  # fmt: skip
 
 

@@ -5,6 +5,9 @@ bind: A + B <-> AB, k1, k2   # a label, if there is one; the reaction; a rate fo
 AB -> P + B, v * AB / (K + AB)
 k1 = 1e-3                    # a parameter: a number, or a formula of parameters above
 A = 100                      # a count at time 0, of a name that is a species
+const S = 100                # a species that reactions neither take nor make
+at t = 20: A = A + 100       # an event; or when B > 30: A = 0, B = B - 10
+volume = 1 fL                # for units: k1 = 1e6 /M/s, A = 5 nM; see `units`
 time unit: s
 
 A rate that reads counts or the time t is the whole propensity. Any other is a rate constant k, and the propensity is
@@ -17,28 +20,26 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from kinetics.network.laws.events import Event
 from kinetics.network.laws.expression import Expression
-from kinetics.network.laws.graph import MOST_NODES, Code, Graph
-from kinetics.network.laws.reading import FUNCTIONS, LONGEST, NUMBER, Token, node_of, tokens_of
-from kinetics.network.laws.writing import quoted
-from kinetics.network.parameters import Parameters, meant, number_of
+from kinetics.network.laws.reading import LONGEST, NUMBER
+from kinetics.network.parameters import Parameters, meant
 from kinetics.network.propensity import COMBINATIONS
 from kinetics.network.reactions import Reaction
 from kinetics.network.source_spans import QUOTED, Mark, SourceSpan
-from kinetics.support.limits import check_visible
+from kinetics.network.text_events import UNNAMED, EventLine, check_new_counts, event_line, event_of, opens_event
+from kinetics.network.text_formulas import TextFormulas
+from kinetics.network.text_names import name_in, side_in
+from kinetics.network.text_values import is_law, read_parameters, read_rate
 
-MOST_COPIES = 10**6  # in one place of a reaction
 MOST_REACTIONS = 10**6  # of a text
 BACKWARD = "{} backward"  # name of the second direction's channel
 SETTINGS = ("time unit", "species", "combinations", "observable")
 SETTING = re.compile(rf"\s*({'|'.join(SETTINGS)})\s*:")
 ADDEND = re.compile(rf"\s*(?:[0-9.]+\s*\*?\s*)?(?:[^\W\d]\w*|{QUOTED})\s*(\+)?")
-UNITS = ("s", "ms", "min", "h", "d", "M", "mM", "uM", "nM", "mol", "tu")  # that often stand behind a number
-ELSEWHERE = {  # what others write
-    **dict.fromkeys(("if", "then", "else"), " (a choice is written piecewise(value, condition, otherwise))"),
-    **dict.fromkeys(("time", "Time", "TIME"), " (the time is t)"),
-}
-COUNT = re.compile("[0-9]{1,19}")
+VOLUME = "volume"
+VOLUME_TEXT = re.compile(rf"\s*(?>{NUMBER})\s*[^\W\d]")  # a number and a unit; any other value makes it a parameter
+CONSTANT = re.compile(r"\s*const\s+(?=[\w'\"])")
 
 
 @dataclass
@@ -53,6 +54,9 @@ class ReactionText:
     observables : name -> formula over counts
     time_unit, combinations : as `Network` has them
     written : parameter, or species with a count at time 0 -> where its value stands
+    events : in the order of the text
+    event_lines : name of each -> its line
+    notes : the volume, and what was rounded
     """
 
     species: list[str] = field(default_factory=list)
@@ -64,6 +68,9 @@ class ReactionText:
     time_unit: str = ""
     combinations: str = "distinct"
     written: dict[str, SourceSpan] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list)
+    event_lines: dict[str, EventLine] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
     @property
     def constants(self) -> list[float]:
@@ -81,6 +88,11 @@ class ReactionText:
         """A ValueError, with the line, for a count at time 0 that is no whole number of copies."""
         for name in self.parameters.initial:
             self.written[name].located(lambda name=name: self.parameters.count(name))  # type: ignore[misc]
+        self.check_events()
+
+    def check_events(self) -> None:
+        """A ValueError, with the line, for an event that always sets a count to no whole number of copies."""
+        check_new_counts(self.event_lines, self.events)
 
 
 def read_reactions(text: str, parameters: Mapping[str, float] | None = None) -> ReactionText:
@@ -100,7 +112,6 @@ class _TextReading:
 
     def __init__(self, text: str, chosen: dict[str, float]):
         self.text, self.chosen = text, chosen
-        self.graph = Graph(MOST_NODES + len(text))
         self.made = ReactionText()
         self.species: dict[str, None] = {}
         self.reactions: list[tuple[str, Reaction, SourceSpan]] = []
@@ -108,7 +119,9 @@ class _TextReading:
         self.assigned = self.made.written
         self.observables: dict[str, SourceSpan] = {}
         self.settings: dict[str, str] = {}
-        self.used: set[str] = set()
+        self.formulas = TextFormulas(len(text), self.species, self.assigned)
+        self.constants: dict[str, SourceSpan] = {}
+        self.events: dict[str, EventLine] = self.made.event_lines
 
     def whole(self) -> ReactionText:
         for number, line in enumerate(self.text.splitlines(), 1):
@@ -116,20 +129,30 @@ class _TextReading:
         if not self.species:
             what = "no reaction has a species" if self.reactions else "no reaction came"
             raise ValueError(f"{what}; expected lines such as 'A + B -> AB, 1e-3'")
-        self.made.species, self.made.reactions = list(self.species), {name: pair for name, pair, _ in self.reactions}
-        self._read_parameters()
-        for name, _, rate in self.reactions:
-            self._read_rate(name, rate)
+        self._check_constants()
+        self.made.species = list(self.species)
+        self.made.reactions = {name: self._held(pair) for name, pair, _ in self.reactions}
+        self.made.parameters = read_parameters(self.formulas, self.chosen)
+        for name, (reactants, _), rate in self.reactions:
+            found = read_rate(self.formulas, rate, reactants, self.made.combinations)
+            if isinstance(found, Expression) and is_law(found):
+                self.made.laws[name] = found
+            else:
+                self.made.rates[name] = found
         for name, span in self.observables.items():
-            self.made.observables[name] = self._formula(span)
+            self.made.observables[name] = self.formulas.read(span)
+        self.made.events = [event_of(line, self.formulas, self.constants) for line in self.events.values()]
         self._check_used()
+        measures = self.formulas.measures
+        self.made.time_unit, self.made.notes = measures.time_unit, measures.notes
         return self.made
 
     def _check_used(self) -> None:
         """What nothing reads is most likely a slip of the pen."""
         for name in (*self.chosen, *self.assigned):
-            if name not in self.used and name not in self.species:
-                fault = f"{name!r} is neither a species nor in any formula{meant(name, [*self.species, *self.used])}"
+            used = self.formulas.used
+            if name not in used and name not in self.species:
+                fault = f"{name!r} is neither a species nor in any formula{meant(name, [*self.species, *used])}"
                 span = self.assigned.get(name)
                 raise ValueError(fault) if span is None else span._replace(start=0).wrong(f"{fault}; leave it out")
 
@@ -150,10 +173,20 @@ class _TextReading:
     def _read_other(self, line: SourceSpan, marks: list[Mark]) -> None:
         """A reaction, a parameter or a count."""
         label, begin = "", 0
+        if opens_event(line.text, 0, marks):
+            self._add_event("", line, 0, marks)
+            return
+        constant = CONSTANT.match(line.text)
+        if constant:
+            self._hold(line, constant.end(), marks)
+            return
         if marks and marks[0].sign == ":":
             name = line.part(0, marks[0].start)
-            label, begin = self._name(name, f"a reaction's name{meant(name.text, SETTINGS)}"), marks[0].end
+            label, begin = name_in(name, f"a reaction's name{meant(name.text, SETTINGS)}"), marks[0].end
             marks = marks[1:]
+        if begin and opens_event(line.text, begin, marks):
+            self._add_event(label, line, begin, marks)
+            return
         if marks and marks[0].sign == "=" and not begin:
             self._assign(line.part(0, marks[0].start), line.part(marks[0].end))
             return
@@ -170,7 +203,7 @@ class _TextReading:
         if setting == "species":
             _, marks = given.divided()
             for part in given.between([mark for mark in marks if mark.sign == ","]):
-                name = self._name(part, "a species")
+                name = name_in(part, "a species")
                 if name in self.species:
                     raise part.wrong(f"species {name!r} comes twice, or after a reaction that names it")
                 self.species[name] = None
@@ -187,7 +220,7 @@ class _TextReading:
             raise given.wrong(fault)
         self.settings[setting] = given.text
         if setting == "time unit":
-            self.made.time_unit = given.text
+            self.formulas.measures.state_time(given.text)
             return
         if given.text not in COMBINATIONS:
             some = ", ".join(COMBINATIONS)
@@ -200,37 +233,56 @@ class _TextReading:
         _, marks = given.divided()
         if not marks or marks[0].sign != "=":
             return "", None
-        return self._name(given.part(0, marks[0].start), "an observable"), given.part(marks[0].end)
+        return name_in(given.part(0, marks[0].start), "an observable"), given.part(marks[0].end)
+
+    def _add_event(self, label: str, line: SourceSpan, begin: int, marks: list[Mark]) -> None:
+        name = label or UNNAMED.format(len(self.events) + 1)
+        if name in self.events:
+            raise line.part(0).wrong(f"an event is called {name!r} already; every name must differ")
+        self.events[name] = event_line(name, line, begin, marks)
+
+    def _hold(self, line: SourceSpan, begin: int, marks: list[Mark]) -> None:
+        """A species held constant, with its count if that follows."""
+        end = marks[0].start if marks else None
+        name = line.part(begin, end)
+        key = name_in(name, "a species")
+        if key in self.constants:
+            raise name.wrong(f"{key!r} is held constant already; leave out one of the lines")
+        if marks and marks[0].sign != "=":
+            raise line.wrong(f"{marks[0].sign!r} came; expected one species, as in 'const S = 100'", marks[0].start)
+        self.constants[key] = name
+        if marks:
+            self._assign(name, line.part(marks[0].end))
+
+    def _check_constants(self) -> None:
+        for name, span in self.constants.items():
+            if name not in self.species:
+                raise span.wrong(
+                    f"no reaction has {name!r} on a side{meant(name, self.species)}; "
+                    "a parameter is constant as it is: leave out const"
+                )
+
+    def _held(self, pair: Reaction) -> Reaction:
+        """A reaction that leaves the copies of constant species as they are."""
+        before, after = pair
+        if self.constants.keys().isdisjoint((*before, *after)):
+            return pair
+        return before, {
+            name: copies
+            for name in dict.fromkeys((*before, *after))
+            if (copies := (before if name in self.constants else after).get(name, 0))
+        }
 
     def _assign(self, name: SourceSpan, formula: SourceSpan) -> None:
-        key = self._name(name, "a parameter or a species")
+        key = name_in(name, "a parameter or a species")
         if key in self.assigned:
             raise name.wrong(f"{key!r} has a value in line {self.assigned[key].number} already; expected one")
+        if key == VOLUME and VOLUME_TEXT.match(formula.text):
+            self.formulas.measures.set_volume(formula)
+            return
         if not formula.text:
             raise formula.wrong(f"{key!r} has no value; expected a number or a formula of parameters")
         self.assigned[key] = formula
-
-    def _name(self, span: SourceSpan, what: str) -> str:
-        tokens = span.located(lambda: list(tokens_of(span.text)))
-        if len(tokens) != 1:
-            raise span.wrong(f"{span.text!r} came where {what} was expected: one word, or any text in quotes")
-        return self._named(span, tokens[0])
-
-    def _named(self, span: SourceSpan, token: Token) -> str:
-        """The name that a word or a quoted text of a span stands for."""
-        if token.kind == "word":
-            if quoted(token.text) != token.text:
-                fault = f"{token.text!r} is reserved in formulas; quote it if it is a name"
-                raise span.wrong(fault, token.column)
-            return token.text
-        if token.kind != "quoted":
-            fault = f"{token.text!r} came where a name was expected: one word, or any text in quotes"
-            raise span.wrong(fault, token.column)
-        names: list[str] = []
-        here = span.part(token.column, token.column + len(token.text))
-        here.located(lambda: node_of(here.text, Graph(), lambda name: names.append(name) or 0))  # type: ignore[func-returns-value]
-        here.located(lambda: check_visible("a name", names[0]))
-        return names[0]
 
     def _react(self, label: str, line: SourceSpan, begin: int, arrow: Mark, commas: list[Mark]) -> None:
         if arrow.sign not in ("->", "<->"):
@@ -238,8 +290,8 @@ class _TextReading:
         is_two_way = arrow.sign == "<->"
         ends = [mark for mark in commas if mark.start > arrow.start]
         _, after, *rates = line.between([arrow, *ends])
-        before = self._side(line.part(begin, arrow.start), "before")
-        made = self._side(after, "after")
+        before, made = side_in(line.part(begin, arrow.start), "before"), side_in(after, "after")
+        self.species.update(dict.fromkeys((*before, *made)))
         form = "two, as in 'A <-> B, k1, k2'" if is_two_way else "one, as in 'A -> B, k'"
         for rate in rates:
             if not rate.text:
@@ -264,113 +316,6 @@ class _TextReading:
         while f"r{n}" in self.labels:
             n += 1
         return f"r{n}"
-
-    def _side(self, side: SourceSpan, where: str) -> dict[str, int]:
-        """Copies of each species on one side of a reaction."""
-        if side.text in ("0", "∅"):
-            return {}
-        copies: dict[str, int] = {}
-        tokens = [*side.located(lambda: list(tokens_of(side.text))), Token("end", "", len(side.text))]
-        i = 0
-        while True:
-            n = 1
-            if tokens[i].kind == "number":
-                n = self._copies(side, tokens[i])
-                i += 1 + (tokens[i + 1].text == "*")
-            token = tokens[i]
-            if token.kind not in ("word", "quoted"):
-                came = f"{token.text!r} came" if token.text else "nothing came"
-                fault = f"{came} where a species {where} the arrow was expected; nothing is written 0"
-                raise side.wrong(fault, token.column)
-            name = self._named(side, token)
-            self.species.setdefault(name)
-            copies[name] = copies.get(name, 0) + n
-            token, i = tokens[i + 1], i + 2
-            if token.kind == "end":
-                return copies
-            if token.text != "+":
-                raise side.wrong(
-                    f"{token.text!r} came after {name!r}, {where} the arrow; expected + and a species"
-                    + (", or a comma and the rate" if where == "after" else ", or the arrow"),
-                    token.column,
-                )
-
-    def _copies(self, side: SourceSpan, token: Token) -> int:
-        value = float(token.text)
-        if not value.is_integer() or not 1 <= value <= MOST_COPIES:
-            expected = f"expected a whole number from 1 to {MOST_COPIES}, or 0 alone for nothing"
-            raise side.wrong(f"{token.text} copies; {expected}", token.column)
-        return int(value)
-
-    # Their formulas
-
-    def _read_parameters(self) -> None:
-        for name in self.chosen:
-            if name in self.species:
-                raise ValueError(f"{name!r} is a species; its count at time 0 is written as a line, '{name} = 100'")
-        given: dict[str, float | Expression] = {n: v for n, v in self.chosen.items() if n not in self.assigned}
-        initial: dict[str, int | Expression] = {}
-        values = {name: number_of(f"parameter {name!r}", value, {}) for name, value in self.chosen.items()}
-        known = {name: values[name] for name in given}
-        for name, span in self.assigned.items():
-            if name not in self.species:
-                formula = self._formula(span, known)
-                known[name] = self._number(span, f"parameter {name!r}", values.get(name, formula), known)
-                given[name] = formula if formula.parameters and name not in values else known[name]
-        self.made.parameters = Parameters(given)
-        for name, span in self.assigned.items():
-            if name in self.species:
-                is_plain = COUNT.fullmatch(span.text)
-                initial[name] = int(span.text) if is_plain else self._formula(span, known)
-                if self._number(span, f"the count of {name!r}", initial[name], {}) < 0:
-                    raise span.wrong(f"{span.text} copies of {name!r}; expected at least 0")
-        self.made.parameters = Parameters(given, {}, initial)
-
-    def _read_rate(self, name: str, span: SourceSpan) -> None:
-        rate = float(span.text) if re.fullmatch(NUMBER, span.text) else self._formula(span)
-        if isinstance(rate, Expression) and (rate.reads_time or rate.species):  # all but parameters are species
-            self.made.laws[name] = rate
-            return
-        self.made.rates[name] = rate
-        value = self._number(span, "the rate", rate, {})
-        if value < 0:
-            raise span.wrong(f"the rate is {value:g}; expected at least 0")
-
-    def _formula(self, span: SourceSpan, known: Mapping[str, float] | None = None) -> Expression:
-        """A formula with the values of its parameters; without counts where only `known` parameters may be read."""
-        values = self.made.parameters.values if known is None else known
-
-        def named(name: str) -> int:
-            if name in values:
-                self.used.add(name)
-            elif known is not None and name in (*self.species, *self.assigned):
-                where = "a species" if name in self.species else f"given in line {self.assigned[name].number}, below"
-                raise ValueError(f"{name!r} is {where}; expected parameters that are given above")
-            elif name not in self.species:
-                raise ValueError(f"unknown name {name!r}{self._cure(name, values)}")
-            return self.graph.name(name)
-
-        def read() -> Expression:
-            place = node_of(span.text, self.graph, named)
-            formula = self.graph.formula(place)
-            used = [str(node.value) for node in formula if node.code == Code.COUNT]
-            return Expression.of(formula, {name: values[name] for name in used if name in values})
-
-        return span.located(read)
-
-    def _cure(self, name: str, values: Mapping[str, float]) -> str:
-        """What to do about a name that is not known."""
-        if name in FUNCTIONS:
-            return f" (the function wants its arguments, as in {name}(...))"
-        if name in ELSEWHERE:
-            return ELSEWHERE[name]
-        units = " (numbers have no units here)" if name in UNITS else ""
-        return (
-            meant(name, [*values, *self.species]) or units or f"; give it a value, as by a line '{quoted(name)} = 1e-3'"
-        )
-
-    def _number(self, span: SourceSpan, what: str, given: float | Expression, values: Mapping[str, float]) -> float:
-        return span.located(lambda: number_of(what, given, values))
 
 
 def _behind_the_sum(text: str, begin: int) -> int:

@@ -111,7 +111,7 @@ WRONG = {
     "double value": ("A -> B, k\nk = 1\nk = 2", "line 3, .*'k' has a value in line 2 already"),
     "below": ("A -> B, k\nk = q\nq = 1", "line 2, .*'q' is given in line 3, below"),
     "species in a parameter": ("A -> B, k\nk = A", "line 2, .*'A' is a species"),
-    "unit": ("A -> B, k\nk = 1e-3 /s", "line 2, column 11, .*unknown name 's' .numbers have no units here."),
+    "unit": ("A -> B, 2 * k /s\nk = 1", "line 1, column 16, .*unknown name 's' .a unit stands behind a number alone"),
     "misspelt count": ("Aa -> B, 1\nAb = 5", r"line 2, .*'Ab' is neither .*\(did you mean Aa\?\)"),
     "half a copy": ("A -> B, 1\nA = 2.5", "line 2, column 5, .*2.5 copies of 'A'"),
     "less than nothing": ("A -> B, 1\nA = -2", "line 2, .*copies of 'A'; expected at least 0"),
