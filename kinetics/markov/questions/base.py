@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from kinetics.markov.by_state import StateAnswers, from_each
 from kinetics.markov.chain import Chain
 from kinetics.markov.derivatives import Derivatives
+from kinetics.markov.observing import reward_rates
 from kinetics.markov.questions.formula import Mask, StateFormula, Truths
 from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
@@ -19,6 +20,7 @@ from kinetics.network import Model
 from kinetics.network.predicates import StateNames, names_in, state_names
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.estimates import SampleEstimate, mean_estimate, probability_estimate
 
 PROBABILITY, MEAN, TIME = "probability", "mean", "time"  # what an answer counts as
 
@@ -50,6 +52,11 @@ class AtTime(NamedTuple):
 
     end: float
     value: Callable[[Model, Ints], Floats]
+
+
+def at_time(name: str | None, end: float) -> AtTime:
+    """Runs contribute the rate of a reward of this name, or the count of a species, at a time, tu."""
+    return AtTime(end, lambda model, counts: reward_rates(model, name, counts))
 
 
 class Decided(NamedTuple):
@@ -87,7 +94,7 @@ class Question(ABC):
     3. Write `value` with bounds, and `conditions`. Write `derivatives` if there are any.
     4. Write `by_state` if one solution gives the answers from all states; else each state is asked on its own.
     5. Write `settled` if some states decide the answer, so that the chain can stop there, and `sampling` if runs of
-       finite length can answer; else `unsampled`.
+       finite length can answer, with `estimate` unless they do by their mean; else `unsampled`.
     6. Import it in `kinetics.markov.questions`, which adds it to `QUESTIONS`. `ask`, `scan` and the contract in
        tests/contracts/test_questions.py read that tuple.
 
@@ -151,6 +158,10 @@ class Question(ABC):
         if any(formula.nested for formula in self.conditions):
             return "the question inside it has no answer by runs; allow more states"
         return "it has no time bound; give one, as in F<=100 or C<=100, or allow more states"
+
+    def estimate(self, values: Floats, level: float) -> SampleEstimate:
+        """What the contributions of runs (runs,) say, with an interval at a level; by default of their mean."""
+        return (probability_estimate if self.counts_as == PROBABILITY else mean_estimate)(values, level)
 
     def concluded(self, answer: Answer) -> Answer:
         """What the sampled answer of what is measured says about the question."""

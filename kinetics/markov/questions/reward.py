@@ -12,7 +12,7 @@ from kinetics.markov.by_state import StateAnswers, reward_by_state
 from kinetics.markov.chain import Chain, Target
 from kinetics.markov.derivatives import Derivatives
 from kinetics.markov.observing import reward_rates
-from kinetics.markov.questions.base import MEAN, TIME, Along, AtTime, Question, Settled, settled_by
+from kinetics.markov.questions.base import MEAN, TIME, Along, AtTime, Question, Settled, at_time, settled_by
 from kinetics.markov.questions.formula import Mask, StateFormula
 from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
@@ -51,7 +51,8 @@ class RewardQuestion(Question):
     def read(cls, text: Cursor) -> RewardQuestion | None:
         """Read one of the words I, C, F and S behind R, or a name and a time behind E."""
         if text.takes("E", "["):
-            return cls._count(text)
+            name, at = text.name_at("E[name] @ t")
+            return cls(name, at=at)
         head = text.operator("R")
         if head is None or head.measure != "exp":
             return None
@@ -59,16 +60,6 @@ class RewardQuestion(Question):
         if found is not None:
             text.expect("]")
         return found
-
-    @classmethod
-    def _count(cls, text: Cursor) -> RewardQuestion:
-        expected = "expected E[name] @ t, as in E[AB] @ 100"
-        name = text.text_until("]").strip("\"'")
-        text.expect("]", expected)
-        text.expect("@", expected)
-        if not name or text.here.kind == "end":
-            text.fail(expected)
-        return cls(name, at=text.time())
 
     @classmethod
     def _inside(cls, text: Cursor, name: str | None) -> RewardQuestion | None:
@@ -126,7 +117,7 @@ class RewardQuestion(Question):
     def sampling(self) -> AtTime | Along | None:
         """A run contributes the rate that it has at the time, or the total on its way."""
         if self.at is not None:
-            return AtTime(self.at, lambda model, counts: reward_rates(model, self.name, counts))
+            return at_time(self.name, self.at)
         if self._is_steady or self.up_to == math.inf or (self.until is not None and self.until.nested):
             return None
         return Along(self.up_to, None if self.until is None else self.until.text, self._earned)
