@@ -50,9 +50,9 @@ def mean_estimate(values: Floats, level: float) -> SampleEstimate:
 def variance_estimate(values: Floats, level: float) -> SampleEstimate:
     """Of a variance, in the square of the unit of the values (runs,); no interval if all are alike.
 
-    The standard error is s^2 sqrt((m4 / m2^2 - (n - 3) / (n - 1)) / n), from the moments about the mean, and the interval is symmetric in the
-    logarithm of the variance: both hold for many runs, without assuming a normal distribution (Bonett 2006,
-    doi:10.1016/j.csda.2004.10.003).
+    The standard error is s^2 sqrt((m4 / m2^2 - (n - 3) / (n - 1)) / n), from the moments about the mean, and the
+    interval is symmetric in the logarithm of the variance: both hold for many runs, without assuming a normal
+    distribution (Bonett 2006, doi:10.1016/j.csda.2004.10.003).
 
     >>> [round(each, 4) for each in variance_estimate(np.arange(100.0), 0.95)]
     [841.6667, 703.2481, 1007.3298, 76.2144]

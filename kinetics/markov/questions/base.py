@@ -21,6 +21,7 @@ from kinetics.network.predicates import StateNames, names_in, state_names
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.estimates import SampleEstimate, mean_estimate, probability_estimate
+from kinetics.support.tables import in_unit, of_unit
 
 PROBABILITY, MEAN, TIME = "probability", "mean", "time"  # what an answer counts as
 
@@ -142,6 +143,17 @@ class Question(ABC):
         """The kind of the answer: a probability, a mean or a mean time."""
         return PROBABILITY
 
+    def title(self, asked: str, unit: str) -> str:
+        """What is answered, in words with its unit, as the title of an axis.
+
+        asked : the question as text; unit : of times, "" if the model states none
+        """
+        if self.is_truth:
+            return of_unit(f"1 if true, 0 if not: {asked}", unit and f"t in {unit}")
+        if self.counts_as == TIME:
+            return of_unit(f"time: {asked}", unit)
+        return of_unit(f"{self.counts_as}: {asked}", unit and f"t in {unit}")
+
     @property
     def settled(self) -> Settled | None:
         """The states in which the answer is decided; None if there are none."""
@@ -172,6 +184,11 @@ class Question(ABC):
         names = state_names(model, np.asarray(model.initial)[np.newaxis])
         for formula in self.conditions:
             formula.check(model, names)
+
+
+def time_in_words(time: float, unit: str) -> str:
+    """A time of a question, for a title: t = 100 s."""
+    return in_unit(f"t = {time:g}", unit)
 
 
 def settled_by(target: StateFormula | None, through: StateFormula | None) -> Settled | None:

@@ -10,7 +10,7 @@ import numpy as np
 from kinetics.markov.chain import Chain
 from kinetics.markov.count_quantile import count_quantile
 from kinetics.markov.observing import reward_rates
-from kinetics.markov.questions.base import MEAN, AtTime, Question, at_time
+from kinetics.markov.questions.base import MEAN, AtTime, Question, at_time, time_in_words
 from kinetics.markov.questions.formula import StateFormula
 from kinetics.markov.questions.reader import Cursor
 from kinetics.network import Model
@@ -54,6 +54,10 @@ class CountQuantileQuestion(Question):
     def counts_as(self) -> str:
         """The kind of the answer: as a mean, it has the unit of the count."""
         return MEAN
+
+    def title(self, asked: str, unit: str) -> str:  # noqa: ARG002 - in words
+        """The quantile of a count."""
+        return f"{self.q:g}-quantile of {self.name} at {time_in_words(self.at, unit)} (count)"
 
     @property
     def conditions(self) -> tuple[StateFormula, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from kinetics.markov.chain import Chain
-from kinetics.markov.questions.base import MEAN, AtTime, Question, at_time
+from kinetics.markov.questions.base import MEAN, AtTime, Question, at_time, time_in_words
 from kinetics.markov.questions.formula import StateFormula
 from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.questions.variance import VarianceQuestion
@@ -51,6 +51,10 @@ class DeviationQuestion(Question):
     def counts_as(self) -> str:
         """The kind of the answer: as a mean, it has the unit of the count."""
         return MEAN
+
+    def title(self, asked: str, unit: str) -> str:  # noqa: ARG002 - in words
+        """The standard deviation of a count."""
+        return f"standard deviation of {self.name} at {time_in_words(self.at, unit)} (count)"
 
     @property
     def conditions(self) -> tuple[StateFormula, ...]:

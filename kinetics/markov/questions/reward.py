@@ -12,13 +12,24 @@ from kinetics.markov.by_state import StateAnswers, reward_by_state
 from kinetics.markov.chain import Chain, Target
 from kinetics.markov.derivatives import Derivatives
 from kinetics.markov.observing import reward_rates
-from kinetics.markov.questions.base import MEAN, TIME, Along, AtTime, Question, Settled, at_time, settled_by
+from kinetics.markov.questions.base import (
+    MEAN,
+    TIME,
+    Along,
+    AtTime,
+    Question,
+    Settled,
+    at_time,
+    settled_by,
+    time_in_words,
+)
 from kinetics.markov.questions.formula import Mask, StateFormula
 from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
 from kinetics.network import Model
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.tables import of_unit
 
 
 @dataclass(frozen=True)
@@ -102,6 +113,22 @@ class RewardQuestion(Question):
     def counts_as(self) -> str:
         """The kind of the answer: a mean, or a mean time."""
         return TIME if self.name == TIME and self.at is None and not self._is_steady else MEAN
+
+    def title(self, asked: str, unit: str) -> str:
+        """A mean count, its integral over time, or a mean time."""
+        if self.counts_as == TIME:
+            if self.until is None:
+                return super().title(asked, unit)
+            return of_unit(f"mean time until {self.until.text}", unit)
+        mean = f"mean of {self.name}" if self.name else "mean of the reward"
+        if self.at is not None:
+            return f"{mean} at {time_in_words(self.at, unit)} (count)"
+        if self._is_steady:
+            return f"{mean} in the steady state (count)"
+        end = f"until {self.until.text}" if self.until else f"up to {time_in_words(self.up_to or 0.0, unit)}"
+        return of_unit(
+            f"{mean}, integrated {'over all time' if self.up_to == math.inf else end}", f"count {unit or 't'}"
+        )
 
     @property
     def conditions(self) -> tuple[StateFormula, ...]:

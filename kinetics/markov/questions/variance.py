@@ -10,7 +10,7 @@ import numpy as np
 from kinetics.markov.chain import Chain, Target, reward_asked
 from kinetics.markov.derivatives import Derivatives
 from kinetics.markov.observing import reward_rates
-from kinetics.markov.questions.base import MEAN, TIME, AtTime, Question, Settled, at_time, settled_by
+from kinetics.markov.questions.base import MEAN, TIME, AtTime, Question, Settled, at_time, settled_by, time_in_words
 from kinetics.markov.questions.formula import StateFormula
 from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
@@ -19,6 +19,7 @@ from kinetics.network import Model
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.estimates import SampleEstimate, variance_estimate
+from kinetics.support.tables import of_unit
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,12 @@ class VarianceQuestion(Question):
     def counts_as(self) -> str:
         """The kind of the answer: the square of a mean."""
         return MEAN
+
+    def title(self, asked: str, unit: str) -> str:
+        """The variance of a count, in its square."""
+        if self.at is None or not self.name:
+            return of_unit(f"variance: {asked}", unit and f"t in {unit}")
+        return f"variance of {self.name} at {time_in_words(self.at, unit)} (count²)"
 
     @property
     def conditions(self) -> tuple[StateFormula, ...]:
