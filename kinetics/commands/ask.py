@@ -87,8 +87,9 @@ def ask(
     QUESTION is one of theirs, such as 'P=? [ F<=100 quadmer >= 1 ]', 'P=? [ a > 0 U b = 3 ]', 'S=? [ monomer < 5 ]' or
     'R{"quadmer"}=? [ I=100 ]'; F, U and G take time bounds <=t, >=t and [a,b], R takes I=t, C<=t, C, F and S.
     'P>=0.9 [ F<=100 quadmer >= 1 ]' is true, false, or not decided within the bound, and may stand in a condition.
-    There are X, F || F, R[var], quantile(...) and filter(...), too. Species count as variables and as rewards. Times
-    are in tu.
+    There are X, F || F, R[var], quantile(...) and filter(...), too; E[A] @ 5, var[A] @ 5, sd[A] @ 5 and q0.9[A] @ 5 are
+    mean, variance, standard deviation and a quantile at a time. Species count as variables and as rewards. Times are in
+    tu.
 
     For F, G and U, states are explored only until the answer is settled. If that still leaves infinitely many,
     --truncate truncates the chain; the bounds hold for any behaviour outside.

@@ -47,7 +47,8 @@ from kinetics.support.output import write_whole
     metavar="QUESTION",
     multiple=True,
     required=True,
-    help="Ask this at every point, as in 'E[AB] @ 100' or 'P=? [ F<=100 AB >= 5 ]'; may be repeated.",
+    help="Ask this at every point, as in 'E[AB] @ 100' (mean; also var, sd, and q0.9 for a quantile) or "
+    "'P=? [ F<=100 AB >= 5 ]'; may be repeated.",
 )
 @truncate_option
 @count_option(

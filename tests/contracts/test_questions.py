@@ -10,7 +10,6 @@ from kinetics.markov import questions
 from kinetics.markov.observing import observing
 from kinetics.markov.questions import QUESTIONS, Question, ask, parse
 from kinetics.markov.questions.always import AlwaysQuestion
-from kinetics.markov.questions.base import PROBABILITY
 from kinetics.markov.questions.filter import FilterQuestion
 from kinetics.markov.questions.formula import StateFormula
 from kinetics.markov.questions.next import NextQuestion
@@ -19,9 +18,7 @@ from kinetics.markov.questions.reward import RewardQuestion
 from kinetics.markov.questions.steady_state import SteadyStateQuestion
 from kinetics.markov.questions.until import UntilQuestion
 from kinetics.markov.settling import answering_chains
-from kinetics.predicting.scanning import scan
-from kinetics.predicting.scanning.sampled import sampled_answers
-from kinetics.support.intervals import binomial_limits, student_quantile
+from kinetics.predicting.scanning import sampled, scan
 
 RATES, RUNS, FALSE_ALARM = (2.0, 3.0), 1500, 1e-6
 EXAMPLES = [(kind, text) for kind in QUESTIONS for text in kind.examples]
@@ -99,20 +96,18 @@ def test_a_chain_that_stops_where_the_answer_is_settled_has_the_same(kind, text)
 
 
 @each
-def test_runs_agree(kind, text):
+def test_runs_agree(kind, text, monkeypatch):
     question = parse(text)
-    (found,) = sampled_answers(model_of(), [(text, question)], RUNS, seed=1)
+    monkeypatch.setattr(sampled, "LEVEL", 1 - FALSE_ALARM)
+    (found,) = sampled.sampled_answers(model_of(), [(text, question)], RUNS, seed=1)
     if question.sampling is None:
         assert "cannot be sampled" in found.why
         return
 
     def covers(value):
-        if question.counts_as == PROBABILITY:
-            low, high = binomial_limits(found.value * RUNS, RUNS, 1 - FALSE_ALARM)
-            return low <= value <= high
-        wide = (found.high - found.value) / student_quantile(RUNS - 1, 0.95)
-        wide = np.nan_to_num(wide) * student_quantile(RUNS - 1, 1 - FALSE_ALARM)
-        return abs(value - found.value) <= wide + 1e-12  # all runs may be alike
+        if np.isnan(found.low):  # all runs are alike
+            return abs(value - found.value) <= 1e-12
+        return found.low - 1e-12 <= value <= found.high + 1e-12  # runs may be alike but for rounding
 
     if question.is_truth:
         assert found.holds in (ask(chain_of(), text).holds, None)
@@ -141,7 +136,7 @@ def test_a_new_kind_takes_a_class_and_a_place_in_the_tuple(monkeypatch):
     exact = ask(chain_of(), "P=? [ G<=0.2 B < 2 ]").value
     assert ask(chain_of(), text).value == exact
     assert scan(model_of(), {"A": [3]}, text).answers[0][0].value == exact
-    (sampled,) = scan(model_of(), {"A": [3]}, text, max_states=0, runs=500).answers[0]
-    assert sampled.low < exact < sampled.high
+    (by_runs,) = scan(model_of(), {"A": [3]}, text, max_states=0, runs=500).answers[0]
+    assert by_runs.low < exact < by_runs.high
     with pytest.raises(ValueError, match="N<=t phi"):
         parse("Z=? [ A ]")

@@ -7,7 +7,8 @@
     R{"name"}=? [ I=t ]  [ S ]                          rate at a time, steady rate
     R{"name"}=? [ C<=t ]  [ C ]  [ F phi ]              total up to a time, of all time, until phi
     R[var]{"name"}=? [ I=t ]  [ F phi ]                 variance of a rate at a time, or of a total until phi
-    E[name] @ t                                         the mean of a count at a time, for short
+    E[name] @ t  var[name] @ t  sd[name] @ t            mean, variance and standard deviation of a count at a time
+    q0.9[name] @ t                                      the least count not exceeded at a time with a probability
     R{"time"}=? [ F phi ]                               mean time until phi
     quantile(min T, P>=0.9 [ F<=T phi ])                the time by which phi is reached with a probability
     P>=p [ ... ]  S>=p [ ... ]  R{"name"}>=x [ ... ]    true, false, or not decided within the bound; also <, <=, >
@@ -39,6 +40,8 @@ from kinetics.markov.questions.reward import RewardQuestion as RewardQuestion
 from kinetics.markov.questions.next import NextQuestion as NextQuestion
 from kinetics.markov.questions.conditional import ConditionalQuestion as ConditionalQuestion
 from kinetics.markov.questions.variance import VarianceQuestion as VarianceQuestion
+from kinetics.markov.questions.deviation import DeviationQuestion as DeviationQuestion
+from kinetics.markov.questions.count_quantile import CountQuantileQuestion as CountQuantileQuestion
 from kinetics.markov.questions.quantile import QuantileQuestion as QuantileQuestion
 from kinetics.markov.questions.comparison import ComparisonQuestion as ComparisonQuestion
 from kinetics.markov.questions.filter import FilterQuestion as FilterQuestion

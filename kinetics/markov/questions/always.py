@@ -8,7 +8,7 @@ from typing import ClassVar
 from kinetics.markov.by_state import StateAnswers, always_by_state
 from kinetics.markov.chain import Chain
 from kinetics.markov.derivatives import Derivatives
-from kinetics.markov.questions.base import Along, Decided, Question, Settled, settled_by
+from kinetics.markov.questions.base import Along, Decided, Question, Settled, settled_by, time_in_words
 from kinetics.markov.questions.formula import Mask, StateFormula
 from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
@@ -54,6 +54,13 @@ class AlwaysQuestion(Question):
     def derivatives(self, sensitivity: Sensitivity) -> Derivatives:
         """The derivatives, as `Sensitivity.always` gives them."""
         return sensitivity.always(self.states.states(sensitivity.chain), self.by, self.after)
+
+    def title(self, asked: str, unit: str) -> str:
+        """The probability of staying in the states."""
+        if self.after:
+            return super().title(asked, unit)
+        by = "for ever" if self.by is None else f"up to {time_in_words(self.by, unit)}"
+        return f"probability of {self.states.text} {by}"
 
     @property
     def conditions(self) -> tuple[StateFormula, ...]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from kinetics.markov.by_state import StateAnswers, from_each
 from kinetics.markov.chain import Chain
 from kinetics.markov.derivatives import Derivatives
+from kinetics.markov.observing import reward_rates
 from kinetics.markov.questions.formula import Mask, StateFormula, Truths
 from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
@@ -19,6 +20,8 @@ from kinetics.network import Model
 from kinetics.network.predicates import StateNames, names_in, state_names
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.estimates import SampleEstimate, mean_estimate, probability_estimate
+from kinetics.support.tables import in_unit, of_unit
 
 PROBABILITY, MEAN, TIME = "probability", "mean", "time"  # what an answer counts as
 
@@ -50,6 +53,11 @@ class AtTime(NamedTuple):
 
     end: float
     value: Callable[[Model, Ints], Floats]
+
+
+def at_time(name: str | None, end: float) -> AtTime:
+    """Runs contribute the rate of a reward of this name, or the count of a species, at a time, tu."""
+    return AtTime(end, lambda model, counts: reward_rates(model, name, counts))
 
 
 class Decided(NamedTuple):
@@ -87,7 +95,7 @@ class Question(ABC):
     3. Write `value` with bounds, and `conditions`. Write `derivatives` if there are any.
     4. Write `by_state` if one solution gives the answers from all states; else each state is asked on its own.
     5. Write `settled` if some states decide the answer, so that the chain can stop there, and `sampling` if runs of
-       finite length can answer; else `unsampled`.
+       finite length can answer, with `estimate` unless they do by their mean; else `unsampled`.
     6. Import it in `kinetics.markov.questions`, which adds it to `QUESTIONS`. `ask`, `scan` and the contract in
        tests/contracts/test_questions.py read that tuple.
 
@@ -135,6 +143,17 @@ class Question(ABC):
         """The kind of the answer: a probability, a mean or a mean time."""
         return PROBABILITY
 
+    def title(self, asked: str, unit: str) -> str:
+        """What is answered, in words with its unit, as the title of an axis.
+
+        asked : the question as text; unit : of times, "" if the model states none
+        """
+        if self.is_truth:
+            return of_unit(f"1 if true, 0 if not: {asked}", unit and f"t in {unit}")
+        if self.counts_as == TIME:
+            return of_unit(f"time: {asked}", unit)
+        return of_unit(f"{self.counts_as}: {asked}", unit and f"t in {unit}")
+
     @property
     def settled(self) -> Settled | None:
         """The states in which the answer is decided; None if there are none."""
@@ -152,6 +171,10 @@ class Question(ABC):
             return "the question inside it has no answer by runs; allow more states"
         return "it has no time bound; give one, as in F<=100 or C<=100, or allow more states"
 
+    def estimate(self, values: Floats, level: float) -> SampleEstimate:
+        """What the contributions of runs (runs,) say, with an interval at a level; by default of their mean."""
+        return (probability_estimate if self.counts_as == PROBABILITY else mean_estimate)(values, level)
+
     def concluded(self, answer: Answer) -> Answer:
         """What the sampled answer of what is measured says about the question."""
         return answer
@@ -161,6 +184,11 @@ class Question(ABC):
         names = state_names(model, np.asarray(model.initial)[np.newaxis])
         for formula in self.conditions:
             formula.check(model, names)
+
+
+def time_in_words(time: float, unit: str) -> str:
+    """A time of a question, for a title: t = 100 s."""
+    return in_unit(f"t = {time:g}", unit)
 
 
 def settled_by(target: StateFormula | None, through: StateFormula | None) -> Settled | None:

@@ -16,6 +16,8 @@ from kinetics.markov.questions.formula import StateFormula, Truths
 from kinetics.markov.questions.reader import LIMITS, Cursor
 from kinetics.network import Model
 from kinetics.support.answer import Answer, TruthValue, beyond
+from kinetics.support.arrays import Floats
+from kinetics.support.estimates import SampleEstimate
 
 
 class ComparedBounds(NamedTuple):
@@ -123,6 +125,10 @@ class ComparisonQuestion(Question):
     def unsampled(self) -> str:
         """As of what is compared."""
         return self.asked.unsampled
+
+    def estimate(self, values: Floats, level: float) -> SampleEstimate:
+        """As of what is compared."""
+        return self.asked.estimate(values, level)
 
     def concluded(self, answer: Answer) -> Answer:
         """Whether the interval of the runs lies on that side of the limit."""

@@ -12,6 +12,7 @@ from kinetics.markov.questions.formula import StateFormula
 from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
 from kinetics.support.answer import Answer
+from kinetics.support.tables import of_unit
 
 EXPECTED = "expected quantile(min T, P>=p [ F<=T phi ])"
 
@@ -70,6 +71,10 @@ class QuantileQuestion(Question):
     def counts_as(self) -> str:
         """The kind of the answer: a time."""
         return TIME
+
+    def title(self, asked: str, unit: str) -> str:  # noqa: ARG002 - in words
+        """The quantile of a time."""
+        return of_unit(f"{self.q:g}-quantile of the time until {self.target.text}", unit)
 
     @property
     def conditions(self) -> tuple[StateFormula, ...]:

@@ -262,6 +262,31 @@ class Cursor:
             tokens[place] = Token("sign", text, tokens[place].column)
         return self.at(self.place, tokens=tokens, _as_value=self.place)
 
+    def number_after(self, letter: str, end: str) -> float | None:
+        """Go on behind a number that follows a letter without a blank, up to a sign; None if none does: q0.9 before [.
+
+        The tokens are cut where a word ends, as q0 and .9, so the number is read from the text.
+        """
+        for place in range(self.place, min(self.place + 5, len(self.tokens))):
+            if self.tokens[place].text == end and self.here.text.startswith(letter):
+                try:
+                    number = float(self.text[self.here.column + len(letter) : self.tokens[place].column])
+                except ValueError:
+                    return None
+                self.place = place
+                return number
+        return None
+
+    def name_at(self, form: str) -> tuple[str, float]:
+        """The name and the time, tu, of `name] @ t`, behind the bracket that a form such as `E[name] @ t` opens."""
+        expected = f"expected {form}, as in {form.replace('name', 'AB').replace(' t', ' 100')}"
+        name = self.text_until("]").strip("\"'")
+        self.expect("]", expected)
+        self.expect("@", expected)
+        if not name or self.here.kind == "end":
+            self.fail(expected)
+        return name, self.time()
+
     def text_until(self, *ends: str) -> str:
         """The text up to one of these signs, outside of brackets, whatever it is."""
         begin, depth = self.here.column, 0

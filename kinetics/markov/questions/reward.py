@@ -12,13 +12,24 @@ from kinetics.markov.by_state import StateAnswers, reward_by_state
 from kinetics.markov.chain import Chain, Target
 from kinetics.markov.derivatives import Derivatives
 from kinetics.markov.observing import reward_rates
-from kinetics.markov.questions.base import MEAN, TIME, Along, AtTime, Question, Settled, settled_by
+from kinetics.markov.questions.base import (
+    MEAN,
+    TIME,
+    Along,
+    AtTime,
+    Question,
+    Settled,
+    at_time,
+    settled_by,
+    time_in_words,
+)
 from kinetics.markov.questions.formula import Mask, StateFormula
 from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
 from kinetics.network import Model
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, Ints
+from kinetics.support.tables import of_unit
 
 
 @dataclass(frozen=True)
@@ -51,7 +62,8 @@ class RewardQuestion(Question):
     def read(cls, text: Cursor) -> RewardQuestion | None:
         """Read one of the words I, C, F and S behind R, or a name and a time behind E."""
         if text.takes("E", "["):
-            return cls._count(text)
+            name, at = text.name_at("E[name] @ t")
+            return cls(name, at=at)
         head = text.operator("R")
         if head is None or head.measure != "exp":
             return None
@@ -59,16 +71,6 @@ class RewardQuestion(Question):
         if found is not None:
             text.expect("]")
         return found
-
-    @classmethod
-    def _count(cls, text: Cursor) -> RewardQuestion:
-        expected = "expected E[name] @ t, as in E[AB] @ 100"
-        name = text.text_until("]").strip("\"'")
-        text.expect("]", expected)
-        text.expect("@", expected)
-        if not name or text.here.kind == "end":
-            text.fail(expected)
-        return cls(name, at=text.time())
 
     @classmethod
     def _inside(cls, text: Cursor, name: str | None) -> RewardQuestion | None:
@@ -112,6 +114,22 @@ class RewardQuestion(Question):
         """The kind of the answer: a mean, or a mean time."""
         return TIME if self.name == TIME and self.at is None and not self._is_steady else MEAN
 
+    def title(self, asked: str, unit: str) -> str:
+        """A mean count, its integral over time, or a mean time."""
+        if self.counts_as == TIME:
+            if self.until is None:
+                return super().title(asked, unit)
+            return of_unit(f"mean time until {self.until.text}", unit)
+        mean = f"mean of {self.name}" if self.name else "mean of the reward"
+        if self.at is not None:
+            return f"{mean} at {time_in_words(self.at, unit)} (count)"
+        if self._is_steady:
+            return f"{mean} in the steady state (count)"
+        end = f"until {self.until.text}" if self.until else f"up to {time_in_words(self.up_to or 0.0, unit)}"
+        return of_unit(
+            f"{mean}, integrated {'over all time' if self.up_to == math.inf else end}", f"count {unit or 't'}"
+        )
+
     @property
     def conditions(self) -> tuple[StateFormula, ...]:
         """The target, if there is one."""
@@ -126,7 +144,7 @@ class RewardQuestion(Question):
     def sampling(self) -> AtTime | Along | None:
         """A run contributes the rate that it has at the time, or the total on its way."""
         if self.at is not None:
-            return AtTime(self.at, lambda model, counts: reward_rates(model, self.name, counts))
+            return at_time(self.name, self.at)
         if self._is_steady or self.up_to == math.inf or (self.until is not None and self.until.nested):
             return None
         return Along(self.up_to, None if self.until is None else self.until.text, self._earned)

@@ -50,6 +50,10 @@ class SteadyStateQuestion(Question):
         """The derivatives, as `Sensitivity.steady_state` gives them."""
         return sensitivity.steady_state(self.states.states(sensitivity.chain))
 
+    def title(self, asked: str, unit: str) -> str:  # noqa: ARG002 - in words
+        """The probability of the states."""
+        return f"probability of {self.states.text} in the steady state"
+
     @property
     def conditions(self) -> tuple[StateFormula, ...]:
         """The states."""

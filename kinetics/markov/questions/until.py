@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinetics.markov.by_state import StateAnswers, until_by_state
 from kinetics.markov.chain import Chain, Target
 from kinetics.markov.derivatives import Derivatives
-from kinetics.markov.questions.base import Along, Decided, Question, Settled, settled_by
+from kinetics.markov.questions.base import Along, Decided, Question, Settled, settled_by, time_in_words
 from kinetics.markov.questions.formula import Mask, StateFormula
 from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
@@ -67,6 +67,14 @@ class UntilQuestion(Question):
 
     def _states(self, chain: Chain) -> tuple[Target, Target | None]:
         return self.target.states(chain), None if self.through is None else self.through.states(chain)
+
+    def title(self, asked: str, unit: str) -> str:
+        """The probability of reaching the target."""
+        if self.after:
+            return super().title(asked, unit)
+        way = "" if self.through is None else f" through {self.through.text}"
+        by = "" if self.by is None else f" by {time_in_words(self.by, unit)}"
+        return f"probability of reaching {self.target.text}{way}{by}"
 
     @property
     def conditions(self) -> tuple[StateFormula, ...]:

@@ -1,4 +1,4 @@
-"""The variance of a reward or of a passage time: `R[var]{"time"}=? [ F A = 0 ]`."""
+"""The variance of a reward or of a passage time: `R[var]{"time"}=? [ F A = 0 ]`, `var[AB] @ 100`."""
 
 from __future__ import annotations
 
@@ -10,29 +10,36 @@ import numpy as np
 from kinetics.markov.chain import Chain, Target, reward_asked
 from kinetics.markov.derivatives import Derivatives
 from kinetics.markov.observing import reward_rates
-from kinetics.markov.questions.base import MEAN, TIME, Question, Settled, settled_by
+from kinetics.markov.questions.base import MEAN, TIME, AtTime, Question, Settled, at_time, settled_by, time_in_words
 from kinetics.markov.questions.formula import StateFormula
 from kinetics.markov.questions.reader import Cursor
 from kinetics.markov.sensitivity import Sensitivity
 from kinetics.markov.variances import squares_about, variance
 from kinetics.network import Model
 from kinetics.support.answer import Answer
+from kinetics.support.arrays import Floats
+from kinetics.support.estimates import SampleEstimate, variance_estimate
+from kinetics.support.tables import of_unit
 
 
 @dataclass(frozen=True)
 class VarianceQuestion(Question):
     """R[var]{"name"}=? [ ... ]: of a reward `at` a time, or of its total `until` a target. The notation is Storm's.
 
+    var[name] @ t is short for R[var]{"name"}=? [ I=t ].
+
     >>> from kinetics.markov.questions import parse
     >>> parse('R[var]{"time"}=? [ F A = 0 ]')
     VarianceQuestion(name='time', at=None, until='A = 0')
     """
 
-    forms: ClassVar = ('R[var]{"name"}=? [ I=t | F phi ]',)
+    forms: ClassVar = ('R[var]{"name"}=? [ I=t | F phi ]', "var[name] @ t")
     examples: ClassVar = (
         'R[var]{"time"}=? [ F B >= 2 ]',
-        'R[var]{"A"}=? [ I=0.3 ]',
+        'R[var]{"A"}=? [ I=0.1 ]',
         'R[var]{"A"}=? [ F B >= 2 ]',
+        "var[both] @ 0.2",
+        "var[A] @ 0.2",
     )
 
     name: str | None = None
@@ -41,7 +48,10 @@ class VarianceQuestion(Question):
 
     @classmethod
     def read(cls, text: Cursor) -> VarianceQuestion | None:
-        """Read an R of the measure var, with I or F."""
+        """Read an R of the measure var, with I or F, or a name and a time behind var."""
+        if text.takes("var", "["):
+            name, at = text.name_at("var[name] @ t")
+            return cls(name, at=at)
         head = text.operator("R")
         if head is None or head.measure != "var":
             return None
@@ -93,6 +103,12 @@ class VarianceQuestion(Question):
         """The kind of the answer: the square of a mean."""
         return MEAN
 
+    def title(self, asked: str, unit: str) -> str:
+        """The variance of a count, in its square."""
+        if self.at is None or not self.name:
+            return of_unit(f"variance: {asked}", unit and f"t in {unit}")
+        return f"variance of {self.name} at {time_in_words(self.at, unit)} (count²)"
+
     @property
     def conditions(self) -> tuple[StateFormula, ...]:
         """The target, if there is one."""
@@ -104,9 +120,18 @@ class VarianceQuestion(Question):
         return None if self.until is None else settled_by(self.until, None)
 
     @property
+    def sampling(self) -> AtTime | None:
+        """A run contributes the rate that it has at the time."""
+        return None if self.at is None else at_time(self.name, self.at)
+
+    def estimate(self, values: Floats, level: float) -> SampleEstimate:
+        """The variance of the runs."""
+        return variance_estimate(values, level)
+
+    @property
     def unsampled(self) -> str:
-        """The bounds of a sampled variance would need more than its runs."""
-        return "a variance has no answer by runs with bounds; allow more states"
+        """Runs are looked at once."""
+        return "the variance of a total has no answer by runs; allow more states"
 
     def check(self, model: Model) -> None:
         """A ValueError if there is no such reward either."""

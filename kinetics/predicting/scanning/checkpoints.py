@@ -21,7 +21,7 @@ from kinetics.support.answer import Answer
 from kinetics.support.output import append_line
 
 NUMBERS = ("value", "low", "high", "cpu_seconds")  # of an answer
-FORMAT = 3  # raised by hand when the same question would get another answer
+FORMAT = 4  # raised by hand when the same question would get another answer
 SHOWN = 16  # of the digits of a SHA-256
 
 

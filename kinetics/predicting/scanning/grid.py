@@ -10,6 +10,7 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from kinetics.network import Model, Network
+from kinetics.network.checks import some_names
 from kinetics.network.model import CHANNEL, CONSERVED, SPECIES
 from kinetics.predicting.scanning.answering import ScanRequest, answers_at, check_asked, tell_questions
 from kinetics.predicting.scanning.checkpoints import Checkpoints
@@ -20,7 +21,7 @@ from kinetics.sampling.streamed import unbroken
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats, integers, whole_number
 from kinetics.support.cli.progress import forecast, span
-from kinetics.support.tables import counted, of_unit
+from kinetics.support.tables import counted, inverse, of_unit
 
 LONG = 5.0  # s of CPU; if a point takes longer, no further one is tried first
 MAX_STATES = 100_000  # listed at a point; a chain of so many takes seconds to minutes
@@ -136,10 +137,15 @@ def _values(model: Model, name: str, values: ArrayLike) -> Floats:
 
 def _label(model: Model, name: str) -> str:
     """A title for an axis of a name's values."""
-    kind, unit = model.kind(name), model.network.time_unit
+    kind, unit = model.kind(name), inverse(model.network.time_unit)
     if kind == CHANNEL:
-        return of_unit(f"rate constant of {name}", f"1/{unit}" if unit else "")
-    return f"{name} at time 0" if kind == SPECIES else name
+        return of_unit(f"rate constant of channel {name}", unit)
+    if kind in (SPECIES, CONSERVED):
+        return of_unit(f"{name} at time 0", "count")
+    channels = [channel for channel, formula in model.network.given.rates.items() if formula.text == name]
+    if not channels:
+        return f"parameter {name}"  # of a formula, whose unit is not stated
+    return of_unit(f"{name}, rate constant of channel{'s' * (len(channels) > 1)} {some_names(channels)}", unit)
 
 
 def _first(missing: list[int], take: Callable[[int], None], cost: Callable[[Sequence[float], int], None]) -> list[int]:

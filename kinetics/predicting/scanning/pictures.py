@@ -1,12 +1,14 @@
 """Pictures of a scan: lines with bounds over one name, heat maps over two, a heat map for each value of further names.
 
-Contours have no numbers of their own, which would overlap where they are close: their levels are marks of the bar.
+Contours are drawn from three values on each axis. They have no numbers of their own, which would overlap where they
+are close: their levels are marks of the bar.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+import textwrap
 from collections.abc import Mapping
 from typing import Any, Protocol
 
@@ -19,8 +21,11 @@ from kinetics.support.arrays import Floats
 from kinetics.support.packages import mpl
 
 MOST_PANELS = 48
+MOST_COLUMNS = 5  # of cells with room for a number
+WIDE = 46  # characters of a line of a title, in this size
+SMALL = 9  # points
 FEW = 8  # values that an axis marks one by one
-ENOUGH = 4  # values along each axis from which contours say something
+ENOUGH = 3  # values along each axis from which contours are drawn
 COLOURS = "cividis"  # colour-blind readers see it as others do (Nuñez, Anderton & Renslow 2018)
 
 
@@ -34,7 +39,7 @@ class DrawnScan(Protocol):
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """The question of each panel, with the unit of time."""
+        """What each question asks for, with its unit."""
         ...
 
     @property
@@ -81,7 +86,8 @@ def draw_scan(figure: Any, scan: DrawnScan) -> None:
             held = zip(list(scan.over.items())[2:], facet, strict=True)
             ax.set_title(", ".join(f"{name} = {values[place]:g}" for (name, values), place in held))
             used.append(ax)
-        bar = figure.colorbar(mesh, ax=used, label=question, ticks=_levels(limits))
+        bar = figure.colorbar(mesh, ax=used, ticks=_levels(limits))
+        bar.set_label(_folded(question), fontsize=SMALL)
         bar.ax.hlines(_levels(limits), 0.0, 1.0, color="white", linewidth=1.0)
 
 
@@ -108,13 +114,16 @@ def _lines(ax: Any, scan: DrawnScan, q: int) -> None:
                 capsize=2, label=text,
             )  # fmt: skip
     _scale(ax.xaxis, ax.set_xscale, x)
-    ax.set_xlabel(scan.labels[name])
-    ax.set_ylabel(scan.titles[q])
+    ax.set_xlabel(_folded(scan.labels[name]), fontsize=SMALL)
+    ax.set_ylabel(_folded(scan.titles[q]), fontsize=SMALL)
     ax.legend(frameon=False)
 
 
 def _heat_map(ax: Any, scan: DrawnScan, table: Floats, limits: tuple[float, float]) -> Any:
-    """Values (n1, n2) over two names, with contours where there are values enough; returns the coloured mesh."""
+    """Values (n1, n2) over two names, as coloured cells; returns their mesh.
+
+    From three values of each name there are contours; with fewer, the cells have their values in them.
+    """
     first, second = list(scan.over)[:2]
     x, y = scan.over[first], scan.over[second]
     across, up = np.argsort(x), np.argsort(y)
@@ -124,14 +133,29 @@ def _heat_map(ax: Any, scan: DrawnScan, table: Floats, limits: tuple[float, floa
     mesh = ax.pcolormesh(_edges(x), _edges(y), cells, cmap=COLOURS, vmin=low, vmax=high)
     _scale(ax.xaxis, ax.set_xscale, x)
     _scale(ax.yaxis, ax.set_yscale, y)
-    if min(shown.shape) >= ENOUGH and np.isfinite(shown).all():
-        within = [level for level in _levels(limits) if shown.min() < level < shown.max()]
+    if min(shown.shape) >= ENOUGH and cells.count():
+        within = [level for level in _levels(limits) if cells.min() < level < cells.max()]
         if within:
-            lines = ax.contour(x, y, shown, levels=within, colors="white", linewidths=1.0)
+            lines = ax.contour(x, y, cells, levels=within, colors="white", linewidths=1.0)
             lines.set(path_effects=[mpl.patheffects.withStroke(linewidth=1.8, foreground="black")])
-    ax.set_xlabel(scan.labels[first])
-    ax.set_ylabel(scan.labels[second])
+    elif shown.shape[0] <= FEW and shown.shape[1] <= MOST_COLUMNS:
+        _write_values(ax, mesh, x, y, cells)
+    ax.set_xlabel(_folded(scan.labels[first]), fontsize=SMALL)
+    ax.set_ylabel(_folded(scan.labels[second]), fontsize=SMALL)
     return mesh
+
+
+def _write_values(ax: Any, mesh: Any, x: Floats, y: Floats, cells: Any) -> None:
+    """Three figures in each cell (n2, n1), white where it is dark."""
+    for row, column in zip(*np.nonzero(~np.ma.getmaskarray(cells)), strict=True):
+        is_dark = mesh.norm(cells[row, column]) < 0.5
+        colour = "white" if is_dark else "black"
+        ax.text(x[column], y[row], f"{cells[row, column]:.3g}", color=colour, ha="center", va="center", fontsize=8)
+
+
+def _folded(title: str) -> str:
+    """A title in lines that fit a panel."""
+    return textwrap.fill(title, WIDE)
 
 
 def _edges(values: Floats) -> Floats:

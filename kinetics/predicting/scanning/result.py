@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kinetics.markov.questions import parse
 from kinetics.predicting.scanning.pictures import draw_scan, size_of
 from kinetics.support.answer import CONFIDENCE, ESTIMATE, NONE, PROVEN, Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.datasets import dataframe, dataset
 from kinetics.support.packages import pd, plt
 from kinetics.support.shown import ResultTable, Shown, Tabular
-from kinetics.support.tables import counted, of_unit
+from kinetics.support.tables import counted
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -51,8 +52,8 @@ class Scan(Shown, Tabular):
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """The questions, with the unit of their times."""
-        return tuple(of_unit(question, self.time_unit and f"t in {self.time_unit}") for question in self.questions)
+        """What each question asks for, in words with its unit: titles of axes."""
+        return tuple(parse(question).title(question, self.time_unit) for question in self.questions)
 
     @property
     def points(self) -> Iterator[dict[str, float]]:

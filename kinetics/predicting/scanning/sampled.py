@@ -1,4 +1,4 @@
-"""Questions answered by independent runs: means with standard errors, probabilities with exact binomial bounds."""
+"""Questions answered by independent runs, each with its interval and, unless it is a quantile, a standard error."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 
 from kinetics.markov.questions import Question
-from kinetics.markov.questions.base import PROBABILITY, Along, AtTime, Decided
+from kinetics.markov.questions.base import Along, AtTime, Decided
 from kinetics.network import Model
 from kinetics.network.predicates import Condition
 from kinetics.runs import TruncatedRunsError
@@ -19,7 +19,6 @@ from kinetics.sampling.forecast import forecast_runs
 from kinetics.sampling.methods import path_method
 from kinetics.support.answer import CONFIDENCE, Answer
 from kinetics.support.arrays import Floats
-from kinetics.support.intervals import binomial_limits, student_quantile
 from kinetics.support.tables import counted
 
 Sampling = AtTime | Decided | Along
@@ -38,7 +37,7 @@ def sampled_answers(model: Model, questions: Sequence[tuple[str, Question]], run
     """The answers of `runs` runs: counts at given times by the method that `Auto` takes, what happens by runs
     that end where it is decided.
 
-    Limits hold at 95 %: of probabilities by Clopper & Pearson, of means by Student's t; nan if all runs are alike.
+    Intervals are at 95 %, see `kinetics.support.estimates`; of means and variances nan if all runs are alike.
     """
     found: dict[Question, Answer] = {}
     asked: dict[Question, Sampling] = {}
@@ -118,12 +117,7 @@ def _along(model: Model, asked: Along, runs: int, seed: int) -> tuple[list[Float
 
 def _answer(question: Question, values: Floats, method: str, seconds: float) -> Answer:
     """Value, standard error and bounds of a sample (runs,)."""
-    runs, mean = len(values), float(values.mean())
-    error = float(values.std(ddof=1) / np.sqrt(runs)) if runs > 1 else float("nan")
-    if question.counts_as != PROBABILITY:
-        half = student_quantile(runs - 1, LEVEL) * error if error > 0 else np.nan
-        low, high = mean - half, mean + half
-    else:
-        low, high = map(float, binomial_limits(values.sum(), runs, LEVEL))
+    runs, found = len(values), question.estimate(values, LEVEL)
+    error = found.standard_error
     why = counted(runs, "run") + (f", standard error {error:.3g}" if error > 0 else "")
-    return question.concluded(Answer(mean, low, high, CONFIDENCE, method, seconds, why))
+    return question.concluded(Answer(found.value, found.low, found.high, CONFIDENCE, method, seconds, why))

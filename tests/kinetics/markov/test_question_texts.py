@@ -12,6 +12,8 @@ from kinetics.markov.questions import parse
 from kinetics.markov.questions.always import AlwaysQuestion
 from kinetics.markov.questions.comparison import ComparisonQuestion
 from kinetics.markov.questions.conditional import ConditionalQuestion
+from kinetics.markov.questions.count_quantile import CountQuantileQuestion
+from kinetics.markov.questions.deviation import DeviationQuestion
 from kinetics.markov.questions.filter import FilterQuestion
 from kinetics.markov.questions.formula import StateFormula
 from kinetics.markov.questions.next import NextQuestion
@@ -45,6 +47,11 @@ f = StateFormula
         ('R{"r"}=? [ S ]', RewardQuestion("r")),
         ("E[AB] @ 100", RewardQuestion("AB", at=100.0)),
         ('E [ "a b" ]@1e-3', RewardQuestion("a b", at=1e-3)),
+        ("var[AB] @ 100", VarianceQuestion("AB", at=100.0)),
+        ("sd[A(x,y)] @ 0", DeviationQuestion("A(x,y)", at=0.0)),
+        ("q0.9[AB] @ 100", CountQuantileQuestion("AB", at=100.0, q=0.9)),
+        ("q.05 [ 'a b' ]@1e-3", CountQuantileQuestion("a b", at=1e-3, q=0.05)),
+        ("q1e-2[A] @ 0", CountQuantileQuestion("A", at=0.0, q=0.01)),
         ("E[A(x,y)] @ 0", RewardQuestion("A(x,y)", at=0.0)),
         ("P=? [ Fish >= 1 U Good ]", UntilQuestion(f("Good"), f("Fish >= 1"))),
         ("P=? [ F>=3 x = 0 ]", UntilQuestion(f("x = 0"), None, None, 3.0)),
@@ -90,6 +97,13 @@ def test_what_is_read(text, query):
         ("R=? [ F<=3 x = 0 ]", "no time bound"),
         ("E[AB]", "expected E[name] @ t, as in E[AB] @ 100 at column 6"),
         ("E[AB] @", "expected E[name] @ t, as in E[AB] @ 100"),
+        ("sd[AB]", "expected sd[name] @ t, as in sd[AB] @ 100 at column 7"),
+        ("var[AB] @", "expected var[name] @ t, as in var[AB] @ 100"),
+        ("q0.9[AB] 3", "expected q0.9[name] @ t, as in q0.9[AB] @ 100 at column 10"),
+        ("q1[AB] @ 3", "quantile 1; expected a probability between 0 and 1, as in q0.9 at column 1"),
+        ("qnan[AB] @ 3", "quantile nan; expected a probability between 0 and 1"),
+        ("qx[AB] @ 3", "cannot read the question 'qx[AB] @ 3'; expected"),
+        ("q[AB] @ 3", "cannot read the question 'q[AB] @ 3'; expected"),
         ("E[] @ 3", "expected E[name] @ t"),
         ("E[AB] @ soon", "cannot read the question 'E[AB] @ soon': 'soon' is no time"),
         ("E[AB] @ -1", "time -1; expected a finite number of at least 0"),

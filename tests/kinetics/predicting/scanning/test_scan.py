@@ -322,7 +322,7 @@ def test_the_tables():
     assert dict(cube.sizes) == {"k": 2, "A": 2, "question": 2}
     row = frame.iloc[5]
     assert float(cube["value"].sel(k=row["k"], A=row["A"], question=row["question"])) == row["value"]
-    assert cube["A"].attrs["long_name"] == "A at time 0"
+    assert cube["A"].attrs["long_name"] == "A at time 0 (count)"
     json.dumps(found.rows)
     assert len(str(found).splitlines()) == 1 + 1 + 8 + 2
     assert "times in s" in str(found).splitlines()
