@@ -134,11 +134,12 @@ def _shown(equations: RateEquations, course: _Course, unit: str) -> tuple[float,
     if most[-1] >= max(1e3 * shown, 0.5 * float(most.max())):
         grown = float(np.interp(shown, np.maximum.accumulate(most), times))
         return grown, f"counts grow without bound, to {shown:g} copies at {in_unit(f'{grown:.3g}', unit)}", False
-    course_of = counts[:, int(ranges.argmax())]
-    peaks = np.flatnonzero((course_of[1:-1] > course_of[:-2]) & (course_of[1:-1] >= course_of[2:])) + 1
-    if peaks.size < 3:
+    widest = counts[:, int(ranges.argmax())]
+    is_high = widest > 0.5 * (widest.min() + widest.max())  # of a cycle, not of noise about rest
+    rises = times[1:][is_high[1:] & ~is_high[:-1]]
+    if rises.size < 3:
         return 0.0, "", True
-    period = float(np.median(np.diff(times[peaks])))
+    period = float(np.median(np.diff(rises)))
     return PERIODS * period, f"rate equations cycle with a period of about {in_unit(f'{period:.3g}', unit)}", True
 
 

@@ -56,6 +56,16 @@ def test_what_happens_sets_it(text, counts, value, why):
     assert re.search(why.replace("+", "[+]"), found.why), found.why
 
 
+def test_what_is_not_followed_to_its_end_is_no_cycle():
+    """Noise of the integration about rest is none; here evaluations end before a long chain is filled."""
+    chain = "\n".join(f"S{i} <-> S{i + 1}, 1.5, 1" for i in range(290))
+    found = chosen(chain, S0=1000)
+    assert "cycle" not in found.why
+    assert found.value >= 20.0
+    many = "\n".join(f"S{i} -> S{i + 1}, 1" for i in range(300))
+    assert chosen(many, S0=10).why == "default, as over 300 species are too many for rate equations"
+
+
 def test_events_leave_the_default():
     network = replace(Network.from_text("A -> 0, 1"), events=(Event("dose", "t >= 2", {"A": "A + 5"}),))
     found = chosen_duration(Model(network, {"A": 5}), 2000.0)
