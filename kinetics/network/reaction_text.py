@@ -7,6 +7,7 @@ k1 = 1e-3                    # a parameter: a number, or a formula of parameters
 A = 100                      # a count at time 0, of a name that is a species
 const S = 100                # a species that reactions neither take nor make
 at t = 20: A = A + 100       # an event; or when B > 30: A = 0, B = B - 10
+for i in 1..5: A[i] -> A[i+1], k   # repeated, with A_1, A_2, ...
 volume = 1 fL                # for units: k1 = 1e6 /M/s, A = 5 nM; see `units`
 time unit: s
 
@@ -30,6 +31,7 @@ from kinetics.network.source_spans import QUOTED, Mark, SourceSpan
 from kinetics.network.text_events import UNNAMED, EventLine, check_new_counts, event_line, event_of, opens_event
 from kinetics.network.text_formulas import TextFormulas
 from kinetics.network.text_names import name_in, side_in
+from kinetics.network.text_repeats import expanded
 from kinetics.network.text_values import is_law, read_parameters, read_rate
 
 MOST_REACTIONS = 10**6  # of a text
@@ -111,7 +113,7 @@ class _TextReading:
     """One text while it is read: first the lines, then, when all names are known, their formulas."""
 
     def __init__(self, text: str, chosen: dict[str, float]):
-        self.text, self.chosen = text, chosen
+        self.lines, self.chosen = expanded(text), chosen
         self.made = ReactionText()
         self.species: dict[str, None] = {}
         self.reactions: list[tuple[str, Reaction, SourceSpan]] = []
@@ -119,13 +121,14 @@ class _TextReading:
         self.assigned = self.made.written
         self.observables: dict[str, SourceSpan] = {}
         self.settings: dict[str, str] = {}
-        self.formulas = TextFormulas(len(text), self.species, self.assigned)
+        length = sum(len(line.text) for line in self.lines)
+        self.formulas = TextFormulas(length, self.species, self.assigned)
         self.constants: dict[str, SourceSpan] = {}
         self.events: dict[str, EventLine] = self.made.event_lines
 
     def whole(self) -> ReactionText:
-        for number, line in enumerate(self.text.splitlines(), 1):
-            self._read(SourceSpan(number, line, 0, line))
+        for line in self.lines:
+            self._read(line)
         if not self.species:
             what = "no reaction has a species" if self.reactions else "no reaction came"
             raise ValueError(f"{what}; expected lines such as 'A + B -> AB, 1e-3'")

@@ -136,7 +136,7 @@ def _read_option(option: SourceSpan, is_at: bool, formulas: TextFormulas, given:
         key, value = "was_true", False
     elif word == "priority":
         rest = option.part(len(word))
-        value = formulas.number(rest, "the priority", formulas.read(rest, only_parameters=True))
+        value = formulas.number(rest, "the priority", formulas.read(rest, only_parameters=True)) + 0.0  # no -0
     elif word == "delay":
         value = _delay(option.part(len(word)), formulas)
     elif value is None:

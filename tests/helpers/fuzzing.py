@@ -1,6 +1,6 @@
 """Reads random inputs in processes of limited memory and processor time; whatever is neither read nor refused is told.
 
-python -m tests.helpers.fuzzing SEED FIRST LAST   one line of JSON an input: number, kind, outcome, message
+python -m tests.helpers.fuzzing SEED FIRST LAST [ReactionTexts]  a line of JSON an input: number, kind, outcome, message
 """
 
 import json
@@ -16,6 +16,7 @@ from collections import Counter
 from pathlib import Path
 
 from tests.helpers.fuzzed_inputs import Inputs
+from tests.helpers.fuzzed_texts import ReactionTexts
 from tests.helpers.limited import MEMORY, ROOT, load, use
 
 SECONDS = 10  # of processor time for one input
@@ -70,7 +71,7 @@ def _outcome(path):
 def main():
     """The inputs FIRST to LAST of a seed, each in the same process."""
     seed, first, last = map(int, sys.argv[1:4])
-    made = Harmful if sys.argv[4:] == ["Harmful"] else Inputs
+    made = {"Harmful": Harmful, "ReactionTexts": ReactionTexts}.get("".join(sys.argv[4:]), Inputs)
     load()
     size = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (size + MEMORY, size + MEMORY))

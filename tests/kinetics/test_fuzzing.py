@@ -33,6 +33,14 @@ def test_500_inputs():
     check(SEED, 0, 500)
 
 
+def test_300_texts_of_reactions():
+    """Texts of their own, beside the other grammars: each is read, or refused with its line."""
+    counts, failures = campaign(SEED, 0, 300, "ReactionTexts")
+    assert failures == []
+    assert sum(counts.values()) == 300
+    assert min(counts[".rxn", "read"], counts[".rxn", "refused"]) > 300 / 16, counts
+
+
 @pytest.mark.validate
 def test_100000_inputs():
     check(SEED + 1, 0, 100_000)

@@ -1,5 +1,6 @@
 """Files of reactions with events and constant species: written again, and by way of SBML and Antimony."""
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from kinetics.formats import FORMATS, proving, read, write
 from kinetics.formats.rxn import ReactionLines
 from kinetics.network import Network
 from kinetics.network.laws import Event
+from tests.helpers.fuzzed_texts import ReactionTexts
 
 TEXT = """time unit: min
 A + S -> B, k
@@ -124,6 +126,31 @@ def test_a_formula_that_sbml_would_repeat_without_bound_is_refused(tmp_path):
     model = Model(Network.from_reactions({"r": ({"A": 1}, {})}, [1.0], events=[Event("e", "t > 1", {"A": formula})]))
     with pytest.raises(ValueError, match="has over 10000 parts in SBML; write it with fewer"):
         write(model, tmp_path / "m.xml")
+
+
+def test_random_texts_are_the_same_model_once_written(tmp_path):
+    """Those of the fuzzer that are read: the digest has rates, laws, counts and events."""
+    counts = Counter()
+    for number in range(200):
+        path = tmp_path / "input.rxn"
+        path.write_bytes(ReactionTexts(5, number).files()[path.name])
+        try:
+            with np.errstate(all="ignore"):
+                model = read(path)
+        except ValueError:
+            counts["refused"] += 1
+            continue
+        try:
+            write(model, tmp_path / "again.rxn")
+        except ValueError as error:
+            assert "too long for one line of text" in str(error)  # noqa: PT017
+            counts["too long"] += 1
+            continue
+        assert read(tmp_path / "again.rxn").digest == model.digest, number
+        counts["same"] += 1
+        counts["with events"] += bool(model.network.events)
+    assert counts["with events"] > 30
+    assert counts["too long"] < 10
 
 
 UNITS = """time unit: min
