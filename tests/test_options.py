@@ -38,6 +38,7 @@ SIMULATE = ("simulate", "line4", "--cubes", 2, "--duration", 0.1)
         (("rules", "check", "line4", "--plot", "a.svg"), "matplotlib"),
         (("rules", "draw", "line4", "--out", "a.svg"), "matplotlib"),
         (("rules", "grow", "line4", "--cubes", 9, "--strip", "a.png"), "matplotlib"),
+        ((*SCAN, "--cubes", 6, "--html", "a.html"), "plotly"),
         (("rules", "rank", "line4", "--csv", "a.csv"), "pandas"),
         ((*SIMULATE, "--picture", "a.png"), "matplotlib"),
         ((*SIMULATE, "--growth", "a.png"), "matplotlib"),

@@ -77,6 +77,13 @@ from kinetics.support.output import write_whole
     help="Write the table to this Parquet file; may be repeated.",
 )
 @plot_option
+@files_option(
+    "--html",
+    "html_files",
+    callback=table_of("plotly"),
+    help="Write an interactive page to this HTML file, which needs no network: a picture over the first one or two "
+    "names, sliders for the others, bounds where one points; may be repeated.",
+)
 @budget_option
 @seed_option
 @json_option
@@ -93,6 +100,7 @@ def scan(
     csv_files: tuple[str, ...],
     parquet_files: tuple[str, ...],
     plot_files: tuple[str, ...],
+    html_files: tuple[str, ...],
     budget: float,
     seed: int,
     as_json: bool,
@@ -139,6 +147,8 @@ def scan(
         write_whole(parquet_file, made.to_dataframe().to_parquet(index=False))
     for plot_file in plot_files:
         plots.save_figure(plot_file, lambda figure: draw_scan(figure, made), size_of(made))
+    for html_file in html_files:
+        made.save_page(html_file)
     if as_json:
         echo_json(
             {

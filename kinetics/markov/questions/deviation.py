@@ -40,7 +40,8 @@ class DeviationQuestion(Question):
     def value(self, chain: Chain) -> Answer:
         """The root of the variance and of its bounds, which its rounding moves by less than one float."""
         found = self._variance.value(chain)
-        low, high = math.nextafter(math.sqrt(found.low), 0.0), math.nextafter(math.sqrt(found.high), math.inf)
+        low, high = math.sqrt(found.low), math.sqrt(found.high)
+        low, high = math.nextafter(low, 0.0), math.nextafter(high, math.inf) if high > 0.0 else 0.0
         return replace(found, value=math.sqrt(found.value), low=low, high=high)
 
     @property

@@ -130,7 +130,7 @@ def _heat_map(ax: Any, scan: DrawnScan, table: Floats, limits: tuple[float, floa
     x, y, shown = x[across], y[up], table[np.ix_(across, up)].T
     ax.set_facecolor("0.85")  # where nothing was answered
     cells, (low, high) = np.ma.masked_invalid(shown), limits
-    mesh = ax.pcolormesh(_edges(x), _edges(y), cells, cmap=COLOURS, vmin=low, vmax=high)
+    mesh = ax.pcolormesh(cell_edges(x), cell_edges(y), cells, cmap=COLOURS, vmin=low, vmax=high)
     _scale(ax.xaxis, ax.set_xscale, x)
     _scale(ax.yaxis, ax.set_yscale, y)
     if min(shown.shape) >= ENOUGH and cells.count():
@@ -158,7 +158,7 @@ def _folded(title: str) -> str:
     return textwrap.fill(title, WIDE)
 
 
-def _edges(values: Floats) -> Floats:
+def cell_edges(values: Floats) -> Floats:
     """Ends (n + 1,) of the cells around rising values (n,), halfway between two of them as the axis shows it."""
     is_log = is_logarithmic(values)
     places = np.log(values) if is_log else values

@@ -5,15 +5,18 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kinetics.markov.questions import parse
+from kinetics.predicting.scanning.page import scan_page
 from kinetics.predicting.scanning.pictures import draw_scan, size_of
 from kinetics.support.answer import CONFIDENCE, ESTIMATE, NONE, PROVEN, Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.datasets import dataframe, dataset
+from kinetics.support.output import write_whole
 from kinetics.support.packages import pd, plt
 from kinetics.support.shown import ResultTable, Shown, Tabular
 from kinetics.support.tables import counted
@@ -159,6 +162,10 @@ class Scan(Shown, Tabular):
             figure = plt.figure(figsize=size_of(self), layout="constrained")
         draw_scan(figure, self)
         return figure
+
+    def save_page(self, path: str | Path) -> Path:
+        """Write an interactive page of all answers, about 5 MB of HTML that need no network; returns the path."""
+        return write_whole(path, scan_page(self, self.headline, self.questions))
 
 
 def grid_points(over: Mapping[str, Floats]) -> Iterator[dict[str, float]]:

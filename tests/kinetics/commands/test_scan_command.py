@@ -26,7 +26,7 @@ def place(tmp_path):
 
 def test_a_network_file(place):
     command = ["scan", "model.rxn", "--over", "k1=1e-4:1e-2:3log", "--over", "B=5,10", *ASK, "--json"]
-    files = ["--csv", "a.csv", "--parquet", "a.parquet", "--plot", "a.png"]
+    files = ["--csv", "a.csv", "--parquet", "a.parquet", "--plot", "a.png", "--html", "a.html"]
     done = run_here(*command, *files, cwd=place)
     data = done.json
     assert data["over"] == {"k1": pytest.approx([1e-4, 1e-3, 1e-2]), "B": [5.0, 10.0]}
@@ -39,6 +39,8 @@ def test_a_network_file(place):
         assert answer["low"] <= row["high"]
         assert row["value"] == pytest.approx(answer["value"], rel=1e-12)
     assert (place / "a.png").read_bytes().startswith(b"\x89PNG")
+    page = (place / "a.html").read_text(encoding="utf-8")
+    assert all(name in page for name in ("k1, rate constant of channel bind", "B at time 0 (count)", *ASK[1::2][:1]))
     table = pd.read_parquet(place / "a.parquet")
     assert table["value"].tolist() == pd.read_csv(place / "a.csv")["value"].tolist()
     assert table["value"].tolist() == [row["value"] for row in data["rows"]]
