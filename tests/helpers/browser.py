@@ -9,8 +9,8 @@ import subprocess
 
 import pytest
 
-HARNESS = """<!DOCTYPE html><meta charset="utf-8"><body style="margin:0"><iframe style="border:0;width:{width}px;height:900px"
-srcdoc="{page}"></iframe><script>
+HARNESS = """<!DOCTYPE html><meta charset="utf-8"><body style="margin:0">
+<iframe style="border:0;width:{width}px;height:900px" srcdoc="{page}"></iframe><script>
 const frame = document.querySelector("iframe"), told = [];
 frame.onload = async () => {{
   const page = frame.contentDocument, view = frame.contentWindow, wait = time => new Promise(f => setTimeout(f, time));
