@@ -77,6 +77,14 @@ def test_each_number_of_names_is_drawn_at_each_width(names, width, tmp_path):
         assert page["z"] == [table.min(), table.max()]
 
 
+def test_a_page_that_is_too_wide_is_seen(tmp_path):
+    """The control of the test above."""
+    found = binding(some("k"))
+    page = scan_page(found, found.headline, found.questions).replace("<h2", '<p style="width:600px">wide</p><h2', 1)
+    measured = in_browser(page, DRAWN + "return shown();", tmp_path, 390)
+    assert measured["wide"] > measured["here"]
+
+
 def test_sliders_and_the_question_change_what_is_shown(tmp_path):
     found = binding(some("k", "A", "B", "u"))
     steps = """
@@ -179,7 +187,8 @@ def hostile(n):
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_names_that_are_markup_stay_text(n, tmp_path):
     found, names = hostile(n)
-    page = shown(found, tmp_path)
+    page = shown(found, tmp_path, width=390)
+    assert page["wide"] <= page["here"] <= 390
     assert page["title"] == f"Scan over {', '.join(names[:n])}"  # as text; the script in it would have changed it
     assert page["answer"] == f"standard deviation of {names[1]} at t = 1 (count)"
     blanks = re.compile(r"\s")
