@@ -15,7 +15,7 @@ from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.models import conditions, described, instead_of_many_states, is_network_file, remarks, shown_of
 from kinetics.commands.until import EndingRuns, first_times_data, first_times_text
 from kinetics.predicting import AskedAccuracy, Job, predict_job
-from kinetics.predicting.mean_field import MeanField, MeanFieldSolution
+from kinetics.predicting.mean_field import MeanFieldSolution
 from kinetics.predicting.prediction import RUNS
 from kinetics.sampling.methods import BY_NAME as SAMPLING
 from kinetics.sampling.watch import MAX_EVENTS
@@ -281,7 +281,9 @@ def _check_runs(trajectories: int, files: tuple[str, ...], until: str | None, me
         raise ValueError("--trajectories-csv, but no --trajectories; state their number, as in --trajectories 5")
     if method is None or method in SAMPLING:
         return
-    if trajectories and method != MeanField.name:
+    from kinetics.markov.transient.methods import BY_NAME as SOLVING
+
+    if trajectories and method in SOLVING:
         raise ValueError(
             f"--trajectories {trajectories} are sampled runs, but --method {method} solves the master equation and "
             f"makes none; leave out --method, or --trajectories"

@@ -144,7 +144,7 @@ class Question(ABC):
         return PROBABILITY
 
     def title(self, asked: str, unit: str) -> str:
-        """What is answered, in words with its unit, as the title of an axis.
+        """The title of an axis with these answers, and their unit.
 
         asked : the question as text; unit : of times, "" if the model states none
         """

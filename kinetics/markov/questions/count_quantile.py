@@ -5,22 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from kinetics.markov.chain import Chain
 from kinetics.markov.count_quantile import count_quantile
-from kinetics.markov.observing import reward_rates
-from kinetics.markov.questions.base import MEAN, AtTime, Question, at_time, time_in_words
-from kinetics.markov.questions.formula import StateFormula
+from kinetics.markov.questions.base import time_in_words
 from kinetics.markov.questions.reader import Cursor
-from kinetics.network import Model
+from kinetics.markov.questions.rewarded import RewardedQuestion
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.estimates import SampleEstimate, quantile_estimate
 
 
 @dataclass(frozen=True)
-class CountQuantileQuestion(Question):
+class CountQuantileQuestion(RewardedQuestion):
     """qP[name] @ t: the least count that is not exceeded at time t, tu, with probability P or more.
 
     >>> from kinetics.markov.questions import parse
@@ -50,29 +46,10 @@ class CountQuantileQuestion(Question):
         """The quantile, as `count_quantile` gives it."""
         return count_quantile(chain, self.name, self.at, self.q)
 
-    @property
-    def counts_as(self) -> str:
-        """The kind of the answer: as a mean, it has the unit of the count."""
-        return MEAN
-
-    def title(self, asked: str, unit: str) -> str:  # noqa: ARG002 - in words
+    def title(self, asked: str, unit: str) -> str:  # noqa: ARG002 - the notation is not needed
         """The quantile of a count."""
         return f"{self.q:g}-quantile of {self.name} at {time_in_words(self.at, unit)} (count)"
-
-    @property
-    def conditions(self) -> tuple[StateFormula, ...]:
-        """None."""
-        return ()
-
-    @property
-    def sampling(self) -> AtTime:
-        """A run contributes the count that it has at the time."""
-        return at_time(self.name, self.at)
 
     def estimate(self, values: Floats, level: float) -> SampleEstimate:
         """The quantile of the runs."""
         return quantile_estimate(values, self.q, level)
-
-    def check(self, model: Model) -> None:
-        """A ValueError if there is no such count."""
-        reward_rates(model, self.name, np.asarray(model.initial)[np.newaxis])

@@ -72,7 +72,7 @@ class QuantileQuestion(Question):
         """The kind of the answer: a time."""
         return TIME
 
-    def title(self, asked: str, unit: str) -> str:  # noqa: ARG002 - in words
+    def title(self, asked: str, unit: str) -> str:  # noqa: ARG002 - the notation is not needed
         """The quantile of a time."""
         return of_unit(f"{self.q:g}-quantile of the time until {self.target.text}", unit)
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from kinetics.markov.by_state import StateAnswers, reward_by_state
-from kinetics.markov.chain import Chain, Target
+from kinetics.markov.chain import Chain
 from kinetics.markov.derivatives import Derivatives
 from kinetics.markov.observing import reward_rates
 from kinetics.markov.questions.base import (
@@ -17,14 +17,12 @@ from kinetics.markov.questions.base import (
     TIME,
     Along,
     AtTime,
-    Question,
-    Settled,
     at_time,
-    settled_by,
     time_in_words,
 )
 from kinetics.markov.questions.formula import Mask, StateFormula
 from kinetics.markov.questions.reader import Cursor
+from kinetics.markov.questions.rewarded import RewardedQuestion
 from kinetics.markov.sensitivity import Sensitivity
 from kinetics.network import Model
 from kinetics.support.answer import Answer
@@ -33,7 +31,7 @@ from kinetics.support.tables import of_unit
 
 
 @dataclass(frozen=True)
-class RewardQuestion(Question):
+class RewardQuestion(RewardedQuestion):
     """R{"name"}=? [ ... ]: its rate `at` a time, its total `up_to` a time or `until` a target; else its steady rate.
 
     up_to : inf for the total of all time
@@ -106,9 +104,6 @@ class RewardQuestion(Question):
         """The derivatives, as `Sensitivity.reward` gives them."""
         return sensitivity.reward(self.name, self.at, self.up_to, self._target(sensitivity.chain), self._is_steady)
 
-    def _target(self, chain: Chain) -> Target | None:
-        return None if self.until is None else self.until.states(chain)
-
     @property
     def counts_as(self) -> str:
         """The kind of the answer: a mean, or a mean time."""
@@ -131,16 +126,6 @@ class RewardQuestion(Question):
         )
 
     @property
-    def conditions(self) -> tuple[StateFormula, ...]:
-        """The target, if there is one."""
-        return () if self.until is None else (self.until,)
-
-    @property
-    def settled(self) -> Settled | None:
-        """The answer is decided in the target, if there is one."""
-        return None if self.until is None else settled_by(self.until, None)
-
-    @property
     def sampling(self) -> AtTime | Along | None:
         """A run contributes the rate that it has at the time, or the total on its way."""
         if self.at is not None:
@@ -151,8 +136,3 @@ class RewardQuestion(Question):
 
     def _earned(self, model: Model, entered: Floats, left: Floats, states: Ints) -> float:
         return float(np.cumsum((left - entered) * reward_rates(model, self.name, states))[-1])
-
-    def check(self, model: Model) -> None:
-        """A ValueError if there is no such reward either."""
-        reward_rates(model, self.name, np.asarray(model.initial)[np.newaxis])
-        super().check(model)

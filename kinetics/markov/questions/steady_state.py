@@ -50,7 +50,7 @@ class SteadyStateQuestion(Question):
         """The derivatives, as `Sensitivity.steady_state` gives them."""
         return sensitivity.steady_state(self.states.states(sensitivity.chain))
 
-    def title(self, asked: str, unit: str) -> str:  # noqa: ARG002 - in words
+    def title(self, asked: str, unit: str) -> str:  # noqa: ARG002 - the notation is not needed
         """The probability of the states."""
         return f"probability of {self.states.text} in the steady state"
 

@@ -7,15 +7,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from kinetics.markov.chain import Chain, Target, reward_asked
+from kinetics.markov.chain import Chain, reward_asked
 from kinetics.markov.derivatives import Derivatives
-from kinetics.markov.observing import reward_rates
-from kinetics.markov.questions.base import MEAN, TIME, AtTime, Question, Settled, at_time, settled_by, time_in_words
+from kinetics.markov.questions.base import TIME, time_in_words
 from kinetics.markov.questions.formula import StateFormula
 from kinetics.markov.questions.reader import Cursor
+from kinetics.markov.questions.rewarded import RewardedQuestion
 from kinetics.markov.sensitivity import Sensitivity
 from kinetics.markov.variances import squares_about, variance
-from kinetics.network import Model
 from kinetics.support.answer import Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.estimates import SampleEstimate, variance_estimate
@@ -23,7 +22,7 @@ from kinetics.support.tables import of_unit
 
 
 @dataclass(frozen=True)
-class VarianceQuestion(Question):
+class VarianceQuestion(RewardedQuestion):
     """R[var]{"name"}=? [ ... ]: of a reward `at` a time, or of its total `until` a target. The notation is Storm's.
 
     var[name] @ t is short for R[var]{"name"}=? [ I=t ].
@@ -95,34 +94,11 @@ class VarianceQuestion(Question):
         low, high = corners.min(axis=0) - slack, corners.max(axis=0) + slack
         return replace(spread, answer=answer, value=twice * spread.value, low=low, high=high)
 
-    def _target(self, chain: Chain) -> Target | None:
-        return None if self.until is None else self.until.states(chain)
-
-    @property
-    def counts_as(self) -> str:
-        """The kind of the answer: the square of a mean."""
-        return MEAN
-
     def title(self, asked: str, unit: str) -> str:
         """The variance of a count, in its square."""
         if self.at is None or not self.name:
             return of_unit(f"variance: {asked}", unit and f"t in {unit}")
         return f"variance of {self.name} at {time_in_words(self.at, unit)} (count²)"
-
-    @property
-    def conditions(self) -> tuple[StateFormula, ...]:
-        """The target, if there is one."""
-        return () if self.until is None else (self.until,)
-
-    @property
-    def settled(self) -> Settled | None:
-        """The answer is decided in the target, if there is one."""
-        return None if self.until is None else settled_by(self.until, None)
-
-    @property
-    def sampling(self) -> AtTime | None:
-        """A run contributes the rate that it has at the time."""
-        return None if self.at is None else at_time(self.name, self.at)
 
     def estimate(self, values: Floats, level: float) -> SampleEstimate:
         """The variance of the runs."""
@@ -132,8 +108,3 @@ class VarianceQuestion(Question):
     def unsampled(self) -> str:
         """Runs are looked at once."""
         return "the variance of a total has no answer by runs; allow more states"
-
-    def check(self, model: Model) -> None:
-        """A ValueError if there is no such reward either."""
-        reward_rates(model, self.name, np.asarray(model.initial)[np.newaxis])
-        super().check(model)

@@ -75,7 +75,7 @@ class PyBulletEngine(Engine):
             numSolverIterations=iterations,
             deterministicOverlappingPairs=1,
             contactBreakingThreshold=FORGETTING,
-            contactERP=0.0,  # overlaps are recovered in `_part`: the engine would add the speed for it to every bounce
+            contactERP=0.0,  # overlaps are recovered in `_recover`: the engine would add a speed for that to bounces
             physicsClientId=self.client,
         )
 
