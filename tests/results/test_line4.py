@@ -27,7 +27,7 @@ SECTION = TEXTS[0]
 TOLD = {"1", "2", "3", "1.15", "72", "24"}
 
 
-@pytest.mark.parametrize("page", TEXTS, ids=["line_of_four", "crowding", *STUDIES])
+@pytest.mark.parametrize("page", TEXTS, ids=["line_of_four", "crowding", "paper", *STUDIES])
 def test_pages_say_what_the_files_hold(page):
     assert filled(page) == page
     changed = re.sub(r"(?<=\d\.)\d", lambda digit: str((int(digit[0]) + 1) % 10), page)  # control: other decimals
