@@ -178,7 +178,7 @@ def _product(
 
 def _of_other(code: Code, inner: list[Bounds]) -> Bounds:
     if code in TRUTHS:
-        return 0.0, 1.0
+        return 0.0, 0.0 if code == Code.AND and (0.0, 0.0) in inner else 1.0
     match code, inner:
         case Code.CLOCK, _:
             return POSITIVE
@@ -193,6 +193,8 @@ def _of_other(code: Code, inner: list[Bounds]) -> Bounds:
         case Code.POWER, [(low, _), (c, d)]:
             is_even = c == d and c % 2 == 0
             return POSITIVE if low >= 0 or is_even else EVERYTHING
+        case Code.SELECT, [one, (low, high), other] if low == high:
+            return one if low else other
         case Code.SELECT, [(a, b), _, (c, d)]:
             return min(a, c), max(b, d)
         case Code.MINIMUM, [(a, b), (c, d)]:

@@ -59,16 +59,22 @@ def constant_formula(law: Expression) -> Expression:
     copies = graph.copied(law.formula)
     whole = graph.number(1.0)
     order: Counter[str] = Counter()
+    rest: list[tuple[int, int]] = []
     for place, power in factors_of(law.formula, len(law.formula) - 1, MOST_FACTORS) or []:
         stepped = shifted(law.formula, known, place)
         if stepped is not None and power == 1:
             order[stepped[0]] += 1
-        elif power == 1 and graph.is_known(whole, 1.0):
-            whole = copies[place]
         else:
-            whole = graph.add(Code.MULTIPLY if power == 1 else Code.DIVIDE, (whole, copies[place]))
-    sets = float(math.prod(math.factorial(copies) for copies in order.values()))
-    whole = whole if sets == 1 else graph.add(Code.MULTIPLY, (whole, graph.number(sets)))
+            rest.append((copies[place], power))
+    sets = graph.number(float(math.prod(math.factorial(copies) for copies in order.values())))
+    if (sets, -1) in rest:  # A (A - 1) / 2
+        rest.remove((sets, -1))
+        sets = graph.number(1.0)
+    for place, power in (*rest, (sets, 1)):
+        if power == -1 or not graph.is_known(place, 1.0):
+            is_first = power == 1 and graph.is_known(whole, 1.0)
+            code = Code.MULTIPLY if power == 1 else Code.DIVIDE
+            whole = place if is_first else graph.add(code, (whole, place))
     formula = graph.formula(whole)
     read = {str(node.value) for node in formula if node.code == Code.COUNT}
     return Expression.of(formula, {name: value for name, value in law.parameters.items() if name in read})

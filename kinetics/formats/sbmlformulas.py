@@ -44,9 +44,9 @@ IN_PLACE = {  # of operations that Level 3 Version 1 does not have
 
 
 def tree_of(formula: Expression, ids: Mapping[str, str], is_condition: bool = False) -> Any:
-    """The tree of a formula, with numbers in place of its parameters.
+    """The tree of a formula, with numbers in place of parameters that have no id.
 
-    ids : species -> its id in the file
+    ids : species or parameter -> its id in the file
     is_condition : whether it is to be true or false, not a number
     ValueError: the tree has over `MOST_PARTS` parts, since it repeats what the formula shares
 
@@ -55,7 +55,7 @@ def tree_of(formula: Expression, ids: Mapping[str, str], is_condition: bool = Fa
     >>> libsbml.formulaToL3String(tree_of(Expression("min(k * A, 5)", {"k": 2.0}), {"A": "A_1"}))
     'piecewise(2 * A_1, (2 * A_1) <= 5, 5)'
     """
-    nodes = _in_sbml(formula.with_numbers().formula, is_condition)
+    nodes = _in_sbml(formula.with_numbers(ids).formula, is_condition)
     sizes: list[int] = []
     made: list[Any] = []
     for node in nodes:

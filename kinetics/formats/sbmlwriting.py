@@ -3,48 +3,51 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from math import factorial
+from collections.abc import Mapping
 from typing import Any
 
 from kinetics.formats.sbmlformulas import tree_of
-from kinetics.formats.sbmlmath import parts_of
+from kinetics.formats.sbmlpropensities import Formulas
 from kinetics.network import Model, Network
 from kinetics.network.checks import spelled_apart
 from kinetics.network.laws.events import Event
 from kinetics.network.laws.expression import Expression
+from kinetics.network.laws.graph import Code, Graph
 from kinetics.network.reactions import sides_of
 from kinetics.support.limits import BREAKS, check_visible
 from kinetics.support.packages import libsbml
-
-PLACE = "x{}"  # of an id in a formula
 
 
 def sbml_text(model: Model) -> str:
     """The model in Level 3 Version 1: one volume of size 1, amounts in copies, observables as assignment rules, events.
 
+    Parameters that are plain numbers keep their names; those that are formulas are written out where they are used.
     Names that no id can have are kept as names, beside an id with _ for the characters in question.
     """
     network = model.network
-    if network.laws:
-        name = next(iter(network.laws))
-        raise ValueError(f"an SBML file is written for mass action alone; the law of channel {name!r} does not fit")
+    if network.laws and network.at_zero != "block":
+        raise ValueError(f"in an SBML file a law waits for its reactants; at_zero={network.at_zero!r} does not fit")
     document = libsbml.SBMLDocument(3, 1)
     made = document.createModel()
     made.setSubstanceUnits("item")
     made.setExtentUnits("item")
+    formulas = Formulas(network)
     names = ["tank", *network.species, *network.channels, *model.observables, *(each.name for each in network.events)]
+    names += formulas.parameters
     ids = iter(spelled_apart(names, _id))
     place = made.createCompartment()
     place.setId(next(ids))
     place.setConstant(True)
     place.setSize(1.0)
     place.setSpatialDimensions(3.0)
-    species = []
-    for name, count in zip(network.species, model.initial.tolist(), strict=True):
+    species = {name: next(ids) for name in network.species}
+    channels = [next(ids) for _ in network.channels]
+    observables = [next(ids) for _ in model.observables]
+    events = [next(ids) for _ in network.events]
+    known = species | {name: next(ids) for name in formulas.parameters}
+    for (name, key), count in zip(species.items(), model.initial.tolist(), strict=True):
         each = made.createSpecies()
-        species.append(next(ids))
-        each.setId(species[-1])
+        each.setId(key)
         each.setName(_shown(name))
         each.setCompartment(place.getId())
         if float(f"{count:.15g}") != count:
@@ -53,88 +56,71 @@ def sbml_text(model: Model) -> str:
         each.setHasOnlySubstanceUnits(True)
         each.setBoundaryCondition(False)
         each.setConstant(False)
-    for r, name in enumerate(network.channels):
-        _add_reaction(made.createReaction(), next(ids), name, network, r, species)
-    for name, weights in model.observables.items():
+    for name in formulas.parameters:
         parameter = made.createParameter()
-        parameter.setId(next(ids))
+        parameter.setId(known[name])
+        parameter.setName(_shown(name))
+        parameter.setConstant(True)
+        parameter.setValue(network.parameters[name])
+    for r, key in enumerate(channels):
+        _add_reaction(made.createReaction(), key, network, r, known, formulas)
+    for (name, weights), key in zip(model.observables.items(), observables, strict=True):
+        parameter = made.createParameter()
+        parameter.setId(key)
         parameter.setName(_shown(name))
         parameter.setConstant(False)
         rule = made.createAssignmentRule()
-        rule.setVariable(parameter.getId())
-        terms = [f"{weight!r} * {PLACE.format(i)}" for i, weight in enumerate(weights.values())]
-        rule.setMath(_formula(" + ".join(terms) or "0", [species[network.index(each)] for each in weights]))
-    for event in network.events:
-        _add_event(made.createEvent(), next(ids), event, dict(zip(network.species, species, strict=True)))
+        rule.setVariable(key)
+        rule.setMath(tree_of(_sum(weights), species))
+    for event, key in zip(network.events, events, strict=True):
+        _add_event(made.createEvent(), key, event, known, formulas)
     return str(libsbml.writeSBMLToString(document))
 
 
-def _add_event(made: Any, key: str, event: Event, ids: Mapping[str, str]) -> None:
+def _add_event(made: Any, key: str, event: Event, ids: Mapping[str, str], formulas: Formulas) -> None:
     made.setId(key)
     made.setName(_shown(event.name))
     made.setUseValuesFromTriggerTime(event.from_trigger)
     trigger = made.createTrigger()
     trigger.setInitialValue(event.was_true)
     trigger.setPersistent(event.persistent)
-    trigger.setMath(tree_of(event.condition, ids, is_condition=True))
+    trigger.setMath(tree_of(formulas.plain(event.condition), ids, is_condition=True))
     if event.is_delayed:
-        made.createDelay().setMath(tree_of(event.waits, ids))
+        made.createDelay().setMath(tree_of(formulas.plain(event.waits), ids))
     if event.priority:
         made.createPriority().setMath(tree_of(Expression(repr(event.priority)), ids))
     for name, formula in event.new_counts.items():
         assignment = made.createEventAssignment()
         assignment.setVariable(ids[name])
-        assignment.setMath(tree_of(formula, ids))
+        assignment.setMath(tree_of(formulas.plain(formula), ids))
 
 
-def _add_reaction(reaction: Any, key: str, name: str, network: Network, r: int, species: list[str]) -> None:
-    reaction.setId(key)
-    reaction.setName(_shown(name))
-    reaction.setReversible(False)
-    reaction.setFast(False)
+def _add_reaction(made: Any, key: str, network: Network, r: int, ids: Mapping[str, str], formulas: Formulas) -> None:
+    made.setId(key)
+    made.setName(_shown(network.channels[r]))
+    made.setReversible(False)
+    made.setFast(False)
     before, after = sides_of(network.sparse_reactants, network.sparse_stoichiometry, r)
-    for side, add in ((before, reaction.createReactant), (after, reaction.createProduct)):
+    for side, add in ((before, made.createReactant), (after, made.createProduct)):
         for s, copies in side.items():
             reference = add()
-            reference.setSpecies(species[s])
+            reference.setSpecies(ids[network.species[s]])
             reference.setStoichiometry(float(copies))
             reference.setConstant(True)
-    rate = float(network.known_rates[r] * network.ways[r])
-    needed = {PLACE.format(i): copies for i, copies in enumerate(before.values())}
-    formula = _formula(_propensity(rate, needed, network.combinations), [species[s] for s in before])
-    if formula is None:  # a factorial beyond all floats
-        raise ValueError(
-            f"channel {name!r} needs {max(needed.values())} copies of one species, too many for a formula of SBML; "
-            f"write the reaction in steps of fewer reactants"
-        )
-    reaction.createKineticLaw().setMath(formula)
+    formula = formulas.propensity(r)
+    for name in formula.species:
+        if network.species_places[name] not in before.keys() | after.keys():
+            made.createModifier().setSpecies(ids[name])
+    made.createKineticLaw().setMath(tree_of(formula, ids))
 
 
-def _formula(text: str, ids: Sequence[str]) -> Any | None:
-    """A formula in which `PLACE` number i is the i-th id. None for what is no formula.
-
-    The ids go around the grammar of texts, which takes `Pi`, `inf` or `Time`, in any case, for constants.
-    """
-    made = libsbml.parseL3Formula(text)
-    named = {PLACE.format(i): key for i, key in enumerate(ids)}
-    for part in parts_of(made) if made else ():
-        if part.getType() == libsbml.AST_NAME:
-            part.setName(named[part.getName()])
-    return made
-
-
-def _propensity(rate: float, needed: Mapping[str, int], combinations: str) -> str:
-    """Rate times combinations, in the grammar of Level 3 formulas."""
-    if combinations == "product":
-        law = " * ".join([repr(rate), *(f"{name}^{copies}" for name, copies in needed.items())])
-        enough = [f"{name} >= {copies}" for name, copies in needed.items() if copies > 1]
-        return f"piecewise({law}, {' && '.join(enough)}, 0)" if enough else law
-    factors = [repr(rate)]
-    for name, copies in needed.items():
-        factors += [name, *(f"({name} - {i})" for i in range(1, copies))]
-        if copies > 1 and combinations == "distinct":
-            factors[-1] += f" / {factorial(copies)}"
-    return " * ".join(factors)
+def _sum(weights: Mapping[str, float]) -> Expression:
+    graph = Graph()
+    terms = [
+        graph.name(name) if w == 1 else graph.add(Code.MULTIPLY, (graph.number(w), graph.name(name)))
+        for name, w in weights.items()
+    ]
+    return Expression.of(graph.formula(graph.all_of(Code.ADD, terms) if terms else graph.number(0.0)))
 
 
 def _shown(name: str) -> str:
