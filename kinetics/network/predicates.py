@@ -23,6 +23,7 @@ from kinetics.support.arrays import Floats, Ints
 PRISM = Dialect(
     spellings={"&": "and", "|": "or", "!": "not", "=": "=="},
     constants={**OURS.constants, "true": lambda graph: _truth(graph, 1.0), "false": lambda graph: _truth(graph, 0.0)},
+    implies=True,
 )
 
 
@@ -185,7 +186,7 @@ def weights_of(model: Model) -> list[tuple[str, Floats]]:
 class Condition:
     """A condition on the counts of a model, as text that may also name its observables and the labels of every chain.
 
-    text : comparisons of counts joined by & | ! and brackets, as in "AB >= 8 & !(A == 0)"
+    text : comparisons of counts joined by & | ! => and brackets, as in "AB >= 8 & !(A == 0)"
 
     >>> import numpy as np
     >>> from kinetics import Model, Network

@@ -43,8 +43,9 @@ TWO = {
     "**": (8, Code.POWER),
 }
 COMPARING, RAISING = 4, 8
+IMPLIES, LOOSEST = "=>", 0.5  # read where a dialect has it: a => b is not a or b, and binds least of all
 BEFORE = {"not": (3, Code.NOT), "-": (7, Code.NEGATE), "+": (7, None)}
-HINTS = {"^": "^ is no power here; write **", "=>": "=> is not read; write !a | b for a => b"}
+HINTS = {"^": "^ is no power here; write **", IMPLIES: "=> is not read here; write not a or b for a => b"}
 CALLS = {
     "exp": Code.EXP,
     "log": Code.LOG,
@@ -74,6 +75,7 @@ class Dialect:
     spellings : sign or word -> the one of ours
     constants : word -> its node
     call : the node of a function's name and arguments; a ValueError for one that there is not
+    implies : whether `=>` is an operator
     """
 
     spellings: Mapping[str, str] = field(default_factory=dict)
@@ -81,6 +83,7 @@ class Dialect:
         default_factory=lambda: {TIME: Graph.time, PI: lambda graph: graph.number(math.pi)}
     )
     call: Call = field(default_factory=lambda: called)
+    implies: bool = False
 
 
 class FormulaError(ValueError):
@@ -153,7 +156,7 @@ def written(text: str, graph: Graph, **parts: int) -> int:
 class _Open(NamedTuple):
     """An operator, a bracket or a call that waits for what follows. level : 0 for brackets, which nothing passes."""
 
-    level: int
+    level: float
     sign: str
     column: int
     height: int = 0  # of the values below it
@@ -186,7 +189,7 @@ class _Reading:
                 wants_value = self._value(token)
         if wants_value:
             raise unreadable(self.text, len(self.text), "a value is missing")
-        self._pass(1)
+        self._pass(LOOSEST)
         if self.waiting:
             raise unreadable(self.text, self.waiting[-1].column, "this bracket is never closed")
         return self.values[0]
@@ -238,9 +241,15 @@ class _Reading:
             self._close(token)
             return False
         if sign == ",":
-            self._pass(1)
+            self._pass(LOOSEST)
             if not self.waiting or self.waiting[-1].sign == "(":
                 raise unreadable(self.text, token.column, "a comma outside of a function's arguments")
+            return True
+        if sign == IMPLIES and self.dialect.implies:
+            self._pass(1)
+            if self.waiting and self.waiting[-1].sign == IMPLIES:
+                raise unreadable(self.text, token.column, "a => b => c is read in two ways by programs; write brackets")
+            self.waiting.append(_Open(LOOSEST, sign, token.column))
             return True
         if sign not in TWO:
             raise unreadable(self.text, token.column, HINTS.get(token.text, "an operator is missing"))
@@ -250,7 +259,7 @@ class _Reading:
         return True
 
     def _close(self, token: Token) -> None:
-        self._pass(1)
+        self._pass(LOOSEST)
         if not self.waiting:
             raise unreadable(self.text, token.column, "a bracket closes that was never opened")
         opened = self.waiting.pop()
@@ -264,7 +273,7 @@ class _Reading:
         except ValueError as error:
             raise self._wrong(opened.column, str(error)) from None
 
-    def _pass(self, level: int) -> None:
+    def _pass(self, level: float) -> None:
         """Apply what waits and binds at least so strongly."""
         while self.waiting and self.waiting[-1].level >= level:
             operator = self.waiting.pop()
@@ -274,7 +283,9 @@ class _Reading:
                 self._push(right if code is None else self.graph.add(code, (right,)))
                 continue
             left, middle = self.values.pop(), self.middles.pop()
-            code = TWO[operator.sign][1]
+            if operator.sign == IMPLIES:
+                left = self.graph.add(Code.NOT, (left,))
+            code = TWO.get(operator.sign, TWO["or"])[1]
             if operator.level != COMPARING:
                 self._push(self.graph.add(code, (left, right)))
                 continue

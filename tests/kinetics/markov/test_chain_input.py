@@ -83,7 +83,11 @@ def chain():
         (lambda c: c.until("x >= 1 and x"), "x is a number"),
         (lambda c: c.until("x >= "), "cannot read"),
         (lambda c: c.until("x >= t"), "depends on the time"),
-        (lambda c: c.until("x => end"), "=> is not read"),
+        (lambda c: c.until("x => end"), "x is a number, neither true nor false"),
+        (
+            lambda c: c.until("x > 0 => x > 1 => end"),
+            "a => b => c is read in two ways by programs; write brackets at column 16",
+        ),
         (lambda c: c.until("__import__('os')"), "unknown function"),
         (lambda c: c.until([True, False]), r"target is bool of shape \(2,\)"),
         (lambda c: c.until("end", by=-1.0), "times holds -1"),

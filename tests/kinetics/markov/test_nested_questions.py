@@ -28,6 +28,23 @@ def in_the_middle():
     return repr(float(found.value[1]))
 
 
+def test_implication_binds_least():
+    """a => b is !a | b, on every state, with nested questions too."""
+    for text, same in (
+        ("x > 0 => done", "!(x > 0) | done"),
+        ("x = 0 | done => x > 1 & done", "!(x = 0 | done) | (x > 1 & done)"),
+        ("(x > 0 => done) & x < 2", "(!(x > 0) | done) & x < 2"),
+        ("x > 0 => (x > 1 => done)", "!(x > 0) | (!(x > 1) | done)"),
+        ("P>0.3 [ F<=1 done ] => x = 2", "!P>0.3 [ F<=1 done ] | x = 2"),
+        ("x = 2 => P>0.3 [ F<=1 done => x > 1 ]", "!(x = 2) | P>0.3 [ F<=1 (!done | x > 1) ]"),
+    ):
+        found, expected = (
+            STEPS.states(parse(f"P=? [ F {each} ]").target.states(STEPS)).tolist() for each in (text, same)
+        )
+        assert found == expected
+    assert STEPS.states("x > 0 => done").tolist() == [True, False, True]
+
+
 def test_closed_forms():
     decay = Chain.of(Network.from_text("A -> 0, 0.5"), {"A": 3})
     # P(F<=1 A = 0) from n copies is (1 - exp(-0.5))**n: 0.393, 0.155, 0.061
