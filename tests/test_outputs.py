@@ -28,6 +28,7 @@ levels = [8.0]
 # command, and the files it writes
 COMMANDS = [
     (["predict", *LINE4, "--runs", 5, "--duration", 1, "--csv", "table.csv", "--plot", "plot.svg"], 2),
+    (["predict", *LINE4, "--runs", 5, "--duration", 1, "--html", "page.html"], 1),
     (["passage", *LINE4, "--species", "dimer", "--plot", "plot.png"], 1),
     (["rules", "derive", *LINE4, "--out", "line.net"], 1),
     (["rules", "derive", *LINE4, "--out", "line.xml"], 1),
