@@ -28,8 +28,8 @@ SPECIES = ["monomer", "dimer", "trimer", "quadmer"]
 CHANNELS = ["1+1->2", "1+2->3", "1+3->4", "2+2->4", "2->1+1", "3->1+2", "4->1+3", "4->2+2"]
 JOINS = CHANNELS[:4]
 SIMULATE = ["simulate", "line4", "--cubes", 60, "--duration", 5, "--runs", 2, "--seed", 1]
-# What `demo --scale 0.06` asks for, command by command. A much shorter demo ends before any run holds a quadmer.
-DEMO = ["demo", "--scale", 0.06, "--workers", 2]
+# What `demo --scale 0.08` asks for, command by command. A much shorter demo ends before any run holds a quadmer.
+DEMO = ["demo", "--scale", 0.08, "--workers", 2]
 CALIBRATE = ["calibrate", "line4", "--runs", 10, "--duration", 18, "--runs-folder", "demo-output/runs"]
 VALIDATE = ["validate", "line4", "--runs", 4, "--duration", 12, "--runs-folder", "demo-output/runs"]
 

@@ -29,6 +29,7 @@ SIMULATE = ("simulate", "line4", "--cubes", 2, "--duration", 0.1)
         ((*PREDICT, "--csv", "a.csv"), "pandas"),
         ((*PREDICT, "--trajectories-csv", "a.csv"), "pandas"),
         ((*PREDICT, "--elasticity-plot", "a.png"), "matplotlib"),
+        ((*PREDICT, "--html", "a.html"), "plotly"),
         ((*SCAN, "--parquet", "a.parquet"), "pyarrow"),
         ((*SCAN, "--parquet", "a.parquet"), "pandas"),
         ((*SCAN, "--csv", "a.csv"), "pandas"),

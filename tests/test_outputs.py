@@ -28,6 +28,7 @@ levels = [8.0]
 # command, and the files it writes
 COMMANDS = [
     (["predict", *LINE4, "--runs", 5, "--duration", 1, "--csv", "table.csv", "--plot", "plot.svg"], 2),
+    (["predict", *LINE4, "--runs", 5, "--duration", 1, "--html", "page.html"], 1),
     (["passage", *LINE4, "--species", "dimer", "--plot", "plot.png"], 1),
     (["rules", "derive", *LINE4, "--out", "line.net"], 1),
     (["rules", "derive", *LINE4, "--out", "line.xml"], 1),
@@ -186,7 +187,7 @@ def test_a_study_writes_nothing_outside_its_folder(place, name):
     assert {name.split("/")[1] for name in set(contents(folder.parent)) - set(before)} == {"found"}
 
 
-@pytest.mark.parametrize("command", [COMMANDS[0][0], COMMANDS[2][0], COMMANDS[7][0]], ids=["predict", "derive", "book"])
+@pytest.mark.parametrize("command", [COMMANDS[0][0], COMMANDS[3][0], COMMANDS[8][0]], ids=["predict", "derive", "book"])
 def test_a_link_in_the_place_of_a_file_is_refused_before_any_work(tmp_path, command):
     name = next(word for word in command if str(word).endswith((".csv", ".net", ".toml")))
     victim = tmp_path / "victim"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import click
@@ -17,6 +16,7 @@ from calibration.commands.shared import (
 )
 from calibration.commands.tables import comparison_table, growth_tables
 from calibration.pipeline.bars import Bar, bars, in_one_sentence
+from calibration.pipeline.controls import load_controls
 from calibration.pipeline.held_out_study import (
     GrowthStudy,
     ValidationStudy,
@@ -130,7 +130,7 @@ def validate(
         raise ValueError("--plot and --groups are for rates by class; leave them out, or take --report")
     rates = ClassRates.load(rates_name) if by_class else Rates.load(rates_name)
     check_held_out(runs, rates)
-    others = _controls(control_names, rates)
+    others = load_controls(control_names, rates)
     folder, common = how["runs_folder"], {name: how[name] for name in ("workers", "progress")}
     if how["part"] is not None:
         how["part"].make(runs.specs, folder, as_json=as_json, **common)
@@ -162,20 +162,3 @@ def validate(
     if report and isinstance(study, ValidationStudy):  # last, so that a report that cannot be written loses no result
         validation_report(study, rules).write(report, data=True)
     leave(study.outcome.problems, any(bar.is_kept is False for bar in rules))
-
-
-def _controls(names: Sequence[str], rates: Rates | ClassRates) -> dict[str, Rates]:
-    """Rates that must fail, by what sets them apart from those that are judged."""
-    found = {}
-    for name in names:
-        control = Rates.load(name)
-        if isinstance(rates, Rates):
-            apart = [f"{control.breaks.model} breaks"] if control.breaks.model != rates.breaks.model else []
-            apart += ["no crowding"] if rates.crowding is not None and control.crowding is None else []
-            if not apart:
-                raise ValueError(
-                    f"--control {name}: {rates.breaks.model} breaks and crowding, as the rates that are judged; give "
-                    "rates fitted with another break model, or without crowding"
-                )
-            found[" and ".join(apart)] = control
-    return found

@@ -109,7 +109,7 @@ def _calibration_first(study: CalibrationStudy) -> list[Part]:
     counts = [counted(n, name.removesuffix("s")) for name, n in study.counts.items()]
     told = [", ".join(counts), breaks, study.diagnosis.looks.sentence.rstrip(".")]
     return [
-        Text(f"Calibration: {study.diagnosis.verdict}"),
+        Text(f"Calibration: {study.diagnosis.short_verdict}"),
         Text("".join(f"{line[0].upper()}{line[1:]}. " for line in told if line)),
         ReportTable(
             f"{about}, per multiplicity and combination.",

@@ -13,6 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from calibration.reporting.style import STYLE
 from calibration.reporting.words import in_words
 from kinetics.support.labels import keep_apart
 from kinetics.support.output import checked_name, write_together
@@ -20,30 +21,9 @@ from kinetics.support.packages import mpl
 from kinetics.support.plots import words_as_they_are
 from kinetics.support.tables import Rows, csv_text
 
-STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff; max-width: 75rem;
-       margin: 1rem auto; padding: 0 1rem; }
-h1, h2 { line-height: 1.2; margin: 1rem 0 0.5rem; } h2 { font-size: 1.1rem; }
-p { max-width: 62rem; margin: 0.5rem 0; }
-figure { margin: 1rem 0; } img { max-width: 100%; height: auto; }
-figcaption { color: #444; font-size: 0.9rem; margin: 0.3rem 0; width: 0; min-width: min(100%, 62rem); }
-/* on the first screen figures stand side by side where they have room */
-body > figure { display: inline-block; vertical-align: top; margin: 0.5rem 1.5rem 0.5rem 0; max-width: 100%; }
-body > figure > img { width: 30rem; }
-/* a table that is wider than the page scrolls by itself, under a bar that always shows */
-.table { overflow-x: auto; max-width: 100%; }
-.table::-webkit-scrollbar { height: 0.7rem; background: #eee; } .table::-webkit-scrollbar-thumb { background: #888; }
-table { border-collapse: collapse; font-size: 0.85rem; line-height: 1.3; font-variant-numeric: tabular-nums; }
-th, td { padding: 0.12rem 0.6rem; border-bottom: 1px solid #e4e4e4; text-align: right; white-space: nowrap; }
-th { border-bottom: 2px solid #888; vertical-align: bottom; white-space: normal; }
-th:first-child, td:first-child { text-align: left; }
-details { border-top: 1px solid #ddd; padding: 0.5rem 0; } details > details { margin-left: 1rem; }
-summary { cursor: pointer; font-weight: 600; }
-@media print { details::details-content { content-visibility: visible; block-size: auto; } }
-td.words { text-align: left; white-space: normal; min-width: 14rem; }
-table.facts td { text-align: left; white-space: normal; overflow-wrap: anywhere; }
-"""
 SENTENCE = 45  # characters; a longer cell of a table is read as words, not compared as a number
+UNBROKEN = re.compile(r"\d[\d.]*e-\d+|[^\s(]*-&gt;[^\s,;:)]*")  # numbers and channels, which a line might break within
+MANY = 10  # columns from which a table is set in smaller type on paper
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 
 
@@ -248,15 +228,19 @@ def _html_table(rows: Rows, kind: str = "", head: bool = True) -> str:
         return "<p>No rows.</p>"
     columns = list(rows[0])
     titles = "".join(f"<th>{html.escape(in_words(str(column)))}</th>" for column in columns)
-    lines = ["<tr>" + "".join(_cell(_shown(row.get(column))) for column in columns) + "</tr>" for row in rows]
-    first = f"<tr>{titles}</tr>\n" if head else ""
+    cells = [[_cell(_shown(row.get(column)), column == columns[0]) for column in columns] for row in rows]
+    lines = [f"<tr>{''.join(row)}</tr>" for row in cells]
+    kind = kind or ("wide" if len(columns) >= MANY else "")
+    first = f"<thead><tr>{titles}</tr></thead>\n" if head else ""  # which paper repeats on each page
     return f'<div class="table" tabindex="0"><table class="{kind}">\n{first}' + "\n".join(lines) + "\n</table></div>"
 
 
-def _cell(text: str) -> str:
-    """Sentences are broken into lines; numbers and names are not."""
+def _cell(text: str, is_name: bool) -> str:
+    """Sentences are broken into lines; numbers and names are not. is_name: in the first column."""
     kind = ' class="words"' if len(text) > SENTENCE else ""
-    return f"<td{kind}>{html.escape(text)}</td>"
+    shown = html.escape(text)
+    shown = shown if is_name else UNBROKEN.sub(r"<span>\g<0></span>", shown)
+    return f"<td{kind}>{shown}</td>"
 
 
 def _shown(value: Any) -> str:

@@ -15,10 +15,11 @@ from kinetics.commands.methods import MethodName, within_budget
 from kinetics.commands.models import conditions, described, instead_of_many_states, is_network_file, remarks, shown_of
 from kinetics.commands.until import EndingRuns, first_times_data, first_times_text
 from kinetics.predicting import AskedAccuracy, Job, predict_job
-from kinetics.predicting.mean_field import MeanFieldSolution
+from kinetics.predicting.pictures import draw_prediction, size_of
 from kinetics.predicting.prediction import RUNS
 from kinetics.sampling.methods import BY_NAME as SAMPLING
 from kinetics.sampling.watch import MAX_EVENTS
+from kinetics.support import plots
 from kinetics.support.cli.declared import count_option, default_option, files_option
 from kinetics.support.cli.failures import INCOMPLETE, INTERRUPTED
 from kinetics.support.cli.options import (
@@ -33,6 +34,7 @@ from kinetics.support.cli.options import (
     heading,
     json_option,
     model_options,
+    page_option,
     picture_of,
     plot_option,
     seed_option,
@@ -135,6 +137,7 @@ INSTEAD = (
 @heading(HEADING)
 @csv_option
 @plot_option
+@page_option("picture with values where one points, and a table of the last ones")
 @seed_option
 @json_option
 def predict(
@@ -157,6 +160,7 @@ def predict(
     elasticity_files: tuple[str, ...],
     csv_files: tuple[str, ...],
     plot_files: tuple[str, ...],
+    html_files: tuple[str, ...],
     seed: int,
     as_json: bool,
 ) -> None:
@@ -208,7 +212,10 @@ def predict(
             drawn = None if made.drawn is None else made.drawn.at_last()
             found = count_elasticities(model, rates, None, made.times[-1:], drawn, sums)
     write_tables(csv_files, made.to_dataframe)
-    write_plots(plot_files, made.plot)
+    for plot_file in plot_files:
+        plots.save_figure(plot_file, lambda figure: draw_prediction(figure, made), size_of(made))
+    for html_file in html_files:
+        made.save_page(html_file)
     if made.trajectories is not None:
         write_tables(trajectories_files, made.trajectories.to_dataframe)
     if found is not None:
@@ -236,7 +243,7 @@ def predict(
                 "interval": {"level": 0.95, "low": made.low, "high": made.high} if has_interval else None,
                 "standard_error": made.standard_error,
                 "error": made.error,
-                "mean_field": made.result.to_dict() if isinstance(made.result, MeanFieldSolution) else None,
+                "mean_field": made.approximation,
                 "accuracy": None if made.reached is None else made.reached.to_dict(),
                 "trajectories": None if made.trajectories is None else made.trajectories.to_dict(),
                 "first_time": None if first is None else first_times_data(first),

@@ -20,6 +20,7 @@ from kinetics.support.cli.options import (
     echo_json,
     json_option,
     model_options,
+    page_option,
     plot_option,
     seed_option,
     table_of,
@@ -77,13 +78,7 @@ from kinetics.support.output import write_whole
     help="Write the table to this Parquet file; may be repeated.",
 )
 @plot_option
-@files_option(
-    "--html",
-    "html_files",
-    callback=table_of("plotly"),
-    help="Write an interactive page to this HTML file, which needs no network: a picture over the first one or two "
-    "names, sliders for the others, bounds where one points; may be repeated.",
-)
+@page_option("picture over the first one or two names, sliders for the others, bounds where one points")
 @budget_option
 @seed_option
 @json_option

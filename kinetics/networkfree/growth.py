@@ -350,10 +350,8 @@ class Growths(Shown):
             np.stack([reduce_runs(values) for values in curves], axis=1)
             for reduce_runs in (lambda v: v.mean(axis=0), lambda v: _quantile(v, 0.025), lambda v: _quantile(v, 0.975))
         )
-        plots.bands(ax, rising_times(times), middle, low, high, names)
-        if seeded:
-            ax.set_ylabel("cubes (mean, middle 95 %)")
-        return ax
+        label = "number of cubes" if seeded else plots.COUNT
+        return plots.bands(ax, rising_times(times), middle, low, high, names, label=label)
 
 
 def _class_name(low: int, high: int) -> str:

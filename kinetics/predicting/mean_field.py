@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from kinetics.markov.transient import Distribution
 
 APPROXIMATE = "rate equations in place of the means, an approximation without a bound"
+MEAN_FIELD = "mean field (approximate)"  # in legends
 FEW_STATES, SECONDS = 5000, 2.0  # of the exact solution that it is compared with
 MOST_TIMES = 101  # at which they are compared
 
@@ -39,6 +40,12 @@ class MeanFieldSolution:
     exact: Distribution | None
     refusal: str = ""
     error: ClassVar[float] = float("nan")  # no bound is known
+    runs: ClassVar[None] = None
+    is_interrupted: ClassVar[bool] = False
+    truncated: ClassVar[None] = None
+    meaning: ClassVar[str] = APPROXIMATE
+    no_interval: ClassVar[str] = "the mean field is that at the posterior mean of each rate constant"
+    notes: ClassVar[tuple[str, ...]] = ()
 
     def mean(self) -> Floats:
         """The counts (T, V) that stand in place of the means."""
@@ -47,6 +54,10 @@ class MeanFieldSolution:
     def sd(self) -> Floats:
         """Not known: (T, V) of nan, as rate equations have no noise."""
         return np.full(self.values.shape, np.nan)
+
+    def standard_error(self) -> Floats:
+        """Zeros (T, V): it was not sampled."""
+        return np.zeros(self.values.shape)
 
     def away(self) -> tuple[float, str, float] | None:
         """Largest distance from an exact mean, in copies, of which species and at what time; None if not known.
@@ -70,12 +81,29 @@ class MeanFieldSolution:
         when = in_unit(f"{at:g}", self.network.time_unit)
         return f"largest difference from the exact mean {off:+.3g} copies, of {name} at {when}"
 
-    def to_dict(self) -> dict[str, Any]:
+    @property
+    def approximation(self) -> dict[str, Any]:
         """For JSON: what it is, and how far from the exact mean it is."""
         away = self.away()
         off, name, at = (None, None, None) if away is None else away
         found = {"approximation": APPROXIMATE, "difference": off, "species": name, "time": at}
         return found | {"not_compared": self.refusal or None}
+
+    def precision(self, _standard_error: Floats) -> str:
+        """How far it is from the exact mean, in words."""
+        return self.comparison
+
+    def columns(self, _standard_error: Floats) -> dict[str, Floats]:
+        """The values (T, V), which tables call a mean field and not a mean."""
+        return {"mean_field": self.values}
+
+    def bands(self) -> plots.Bands | None:
+        """The exact means and the middle 95 % of runs, at the times of `exact`; None if that was not solved."""
+        return None if self.exact is None else self.exact.bands()
+
+    def approximate(self) -> Floats:
+        """The values (T, V)."""
+        return self.values
 
     @on_axes
     def plot(self, ax: Any) -> Any:
@@ -83,7 +111,7 @@ class MeanFieldSolution:
         if self.exact is not None:
             self.exact.plot(ax)
         names, unit = self.network.species, self.network.time_unit
-        return plots.approximate(ax, self.times, self.values, names, "mean field (approximate)", unit)
+        return plots.approximate(ax, self.times, self.values, names, MEAN_FIELD, unit)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,27 +13,29 @@ from numpy.typing import ArrayLike
 
 from kinetics.network import Model, Network
 from kinetics.predicting.accuracy import AskedAccuracy
+from kinetics.predicting.counts_over_time import CountsOverTime
 from kinetics.predicting.job import Job
-from kinetics.predicting.mean_field import APPROXIMATE, MeanField, MeanFieldSolution
+from kinetics.predicting.mean_field import MEAN_FIELD, MeanField
 from kinetics.predicting.methods import method_of
 from kinetics.predicting.over_draws import RUNS_PER_DRAW, DrawMeans, RunsOverDraws, runs_over_draws
+from kinetics.predicting.page import prediction_page
 from kinetics.predicting.trajectories import Trajectories, sample_trajectories
 from kinetics.runs import Truncation
 from kinetics.sampling import Auto, SamplingMethod
 from kinetics.sampling.forecast import forecast_runs
-from kinetics.sampling.statistics import EnsembleStatistics
 from kinetics.sampling.streamed import streamed
 from kinetics.support import plots
 from kinetics.support.arrays import Floats
 from kinetics.support.datasets import dataframe_over_times, dataset
+from kinetics.support.output import write_whole
 from kinetics.support.packages import pd
-from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time, precision_of
+from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes, over_time
 from kinetics.support.tables import with_spread
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from kinetics.markov.transient import Distribution, SolvingMethod
+    from kinetics.markov.transient import SolvingMethod
     from kinetics.predicting.accuracy import Reached
     from kinetics.rates.applied import AppliedRates
     from kinetics.rates.posterior import Posterior
@@ -56,7 +59,7 @@ class Prediction(Shown, Tabular):
     notes : remarks on the interval, for the reader
     is_complete : whether all runs and draws were made; fewer are made after Ctrl-C
     method : by its name; one that chooses says in brackets what it chose
-    result : the statistics of the runs, the Distribution or the MeanFieldSolution from which mean and sd come
+    result : that from which mean and sd come: statistics of runs, a Distribution, or a MeanFieldSolution
     drawn : means under single draws of the rates, from which the interval comes; None if there is none
     reached : the accuracy, and how it was reached; None if none was asked for
     truncated : why there are fewer times than were asked for; None if there are not
@@ -80,7 +83,7 @@ class Prediction(Shown, Tabular):
     standard_error: Floats
     error: float
     notes: tuple[str, ...]
-    result: EnsembleStatistics | Distribution | MeanFieldSolution
+    result: CountsOverTime
     method: str
     cpu_seconds: float
     is_complete: bool = True
@@ -92,19 +95,19 @@ class Prediction(Shown, Tabular):
     @property
     def runs(self) -> int | None:
         """Number of runs from which mean and sd come; None for a method that does not sample."""
-        return self.result.runs if isinstance(self.result, EnsembleStatistics) else None
+        return self.result.runs
+
+    @property
+    def approximation(self) -> dict[str, Any] | None:
+        """For JSON: which approximation the means are and how far off; None for an exact method."""
+        return self.result.approximation
 
     @property
     def headline(self) -> str:
         """One line: what the figures are, the method, their precision, and the CPU time."""
-        if isinstance(self.result, MeanFieldSolution):
-            return f"{APPROXIMATE}; method {self.method}; {self.result.comparison}; {self.cpu_seconds:.2g} s CPU"
-        explained = "mean ± sd of a run" + ("" if self.low is None else " [95 % interval of the mean, from the rates]")
-        precision = f"numerical error of the probabilities below {self.error:.1g}"
-        if self.runs is not None:
-            precision = precision_of(self.standard_error)
-        if self.reached is not None:
-            precision = self.reached.headline
+        explained = self.result.meaning + ("" if self.low is None else " [95 % interval of the mean, from the rates]")
+        reached = self.reached
+        precision = self.result.precision(self.standard_error) if reached is None else reached.headline
         return f"{explained}; method {self.method}; {precision}; {self.cpu_seconds:.2g} s CPU"
 
     def summary(self) -> ResultTable:
@@ -123,10 +126,8 @@ class Prediction(Shown, Tabular):
         return dataframe_over_times(self.times, "species", self.network.species, self._columns())
 
     def _columns(self) -> dict[str, Floats]:
-        """The figures (T, S) of tables; the mean field, an approximation, is called that, and has no others."""
-        if isinstance(self.result, MeanFieldSolution):
-            return {"mean_field": self.mean}
-        columns = {"mean": self.mean, "sd": self.sd, "standard_error": self.standard_error}
+        """The figures (T, S) of tables."""
+        columns = self.result.columns(self.standard_error)
         if self.low is not None and self.high is not None:
             columns |= {"low": self.low, "high": self.high}
         return columns
@@ -138,17 +139,30 @@ class Prediction(Shown, Tabular):
         return dataset(variables, places, self.network.time_unit, method=self.method)
 
     @on_axes
-    def plot(self, ax: Any) -> Any:
+    def plot(self, ax: Any, only: int | None = None) -> Any:
         """Plot the means, bands of the middle 95 % of runs, and the interval of the mean (dashed); returns `ax`.
 
-        Trajectories are thin steps behind them.
+        Trajectories are thin steps behind them, a mean field is dotted. `draw_prediction` gives each species a panel.
+        only : draw the species of this number alone
         """
-        self.result.plot(ax)
+        names, unit = self.network.species, self.network.time_unit
+        known, approximate = self.result.bands(), self.result.approximate()
+        if known is not None:
+            plots.bands(ax, *known, names, unit, only=only)
+        if approximate is not None:
+            plots.approximate(ax, self.times, approximate, names, MEAN_FIELD, unit, only)
         if self.trajectories is not None:
-            self.trajectories.plot(ax)
+            self.trajectories.plot(ax, only)
         if self.low is not None and self.high is not None:
-            plots.intervals(ax, self.times, self.low, self.high)
+            plots.intervals(ax, self.times, self.low, self.high, only)
         return ax
+
+    def save_page(self, path: str | Path) -> Path:
+        """Write an interactive page with picture and table, about 5 MB of HTML that need no network; returns the path.
+
+        ModuleNotFoundError: Plotly is not installed
+        """
+        return write_whole(path, prediction_page(self))
 
 
 def predict(
@@ -239,20 +253,16 @@ def predict_job(
         found = _solved(job, chosen)
     result, spread = found.result, found.spread
     notes, is_complete = [*evidence_notes(rates), *found.notes], found.is_complete
-    was_interrupted = isinstance(result, EnsembleStatistics) and not result.is_complete
-    if posterior is not None and spread is None and was_interrupted:
+    if posterior is not None and spread is None and result.is_interrupted:
         notes.append("no interval: interrupted before the draws of the rates")
-    elif posterior is not None and isinstance(result, MeanFieldSolution):
-        notes.append("no interval: the mean field is that at the posterior mean of each rate constant")
+    elif posterior is not None and result.no_interval:
+        notes.append(f"no interval: {result.no_interval}")
     elif posterior is not None and spread is None:
         spread = runs_over_draws(replace(job, grid=result.times), posterior, 1, draws, Auto())
         is_complete = is_complete and spread.statistics.is_complete
         notes.append("mean, sd and band are those at the posterior mean of each rate constant")
     if spread is not None and not spread.statistics.is_complete:
         notes.append(f"interrupted: {spread.draws} draws of the rates, {spread.statistics.runs} runs were made")
-    truncated = result.truncated if isinstance(result, EnsembleStatistics) else None
-    if truncated is not None:
-        notes.append(str(truncated))
     mean = result.mean()
     drawn = None if spread is None else spread.drawn
     if drawn is not None and drawn.means.shape[1] < len(mean):
@@ -263,12 +273,7 @@ def predict_job(
         notes.append(
             f"an interval of zero width is narrower than {RUNS_PER_DRAW} runs for each draw of the rates can resolve"
         )
-    if isinstance(result, EnsembleStatistics):
-        off = int(result.quantile_error().max())
-        standard_error, error = result.standard_error() if found.spread is None else found.spread.standard_error, 0.0
-        notes += [f"the middle 95 % of the runs is known to {off} copies"] if off else []
-    else:
-        standard_error, error = np.zeros(mean.shape), result.error
+    notes += result.notes
     if singles is not None:
         notes += singles.notes
         notes += [] if posterior is None else ["trajectories are those at the posterior mean of each rate constant"]
@@ -279,8 +284,8 @@ def predict_job(
         result.sd(),
         low,
         high,
-        standard_error,
-        error,
+        result.standard_error() if found.spread is None else found.spread.standard_error,
+        result.error,
         tuple(notes),
         result,
         found.method,
@@ -288,7 +293,7 @@ def predict_job(
         is_complete,
         drawn,
         found.reached,
-        truncated,
+        result.truncated,
         singles,
     )
 
@@ -299,7 +304,7 @@ class _Found(NamedTuple):
     spread : the runs over draws of the rates, if mean and sd come from these
     """
 
-    result: EnsembleStatistics | Distribution | MeanFieldSolution
+    result: CountsOverTime
     method: str
     is_complete: bool = True
     notes: tuple[str, ...] = ()

@@ -76,7 +76,7 @@ class Trajectories(Tabular):
         """One row per run, moment and species: run, time, event ("start", a channel, "end"), species, copies."""
         names, tables = self.network.species, []
         for run, path in enumerate(self.paths):
-            moments, counts = self._moments(run)
+            moments, counts = self.moments(run)
             rows = dataframe_over_times(moments, "species", names, {"copies": counts})
             events = ["start", *(path.network.channels[channel] for channel in path.channels), "end"]
             rows.insert(0, "run", run)
@@ -85,12 +85,15 @@ class Trajectories(Tabular):
         return dataframe(pd.concat(tables, ignore_index=True))
 
     @on_axes
-    def plot(self, ax: Any) -> Any:
-        """Thin steps behind the means on the axes, one colour a species; returns `ax`."""
-        return plots.thin_steps(ax, [self._moments(run) for run in range(len(self.paths))])
+    def plot(self, ax: Any, only: int | None = None) -> Any:
+        """Thin steps behind the means on the axes, one colour a species; returns `ax`.
 
-    def _moments(self, run: int) -> tuple[Floats, Ints]:
-        """`steps`, and the end."""
+        only : draw the species of this number alone
+        """
+        return plots.thin_steps(ax, [self.moments(run) for run in range(len(self.paths))], only)
+
+    def moments(self, run: int) -> tuple[Floats, Ints]:
+        """Times and counts of `steps`, and once more the last counts at the end of the run."""
         times, counts = self.steps(run)
         return np.append(times, self.paths[run].end), np.vstack([counts, counts[-1:]])
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +25,7 @@ from kinetics.support.datasets import dataframe_over_times, dataset
 from kinetics.support.intervals import binomial_limits
 from kinetics.support.memory import check_memory
 from kinetics.support.packages import pd
-from kinetics.support.shown import ResultTable, Shown, Tabular, means_over_time, on_axes, precision_of
+from kinetics.support.shown import RUN_SPREAD, ResultTable, Shown, Tabular, means_over_time, on_axes, precision_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,11 +75,27 @@ class EnsembleStatistics(Shown, Tabular):
     pairs: NDArray[np.intp]
     method: str = ""
     truncated: Truncation | None = None
+    error: ClassVar[float] = 0.0  # numerical, of probabilities: shares of runs have none
+    meaning: ClassVar[str] = RUN_SPREAD
+    approximation: ClassVar[None] = None
+    no_interval: ClassVar[str] = ""
 
     @property
     def is_complete(self) -> bool:
         """Whether all requested runs were made."""
         return self.runs == self.asked
+
+    @property
+    def is_interrupted(self) -> bool:
+        """Whether fewer runs were made than were asked for."""
+        return not self.is_complete
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Why times are missing, and how far quantiles may be off, if they are."""
+        off = int(self.quantile_error().max())
+        cut = () if self.truncated is None else (str(self.truncated),)
+        return (*cut, f"the middle 95 % of the runs is known to {off} copies") if off else cut
 
     @property
     def headline(self) -> str:
@@ -205,11 +221,25 @@ class EnsembleStatistics(Shown, Tabular):
         places = {"time": self.times, "species": list(self.network.species), "q": list(QUANTILES)}
         return dataset(variables, places, self.network.time_unit, runs=self.runs, method=self.method)
 
+    def precision(self, standard_error: Floats) -> str:
+        """How well the means are known, in a few words; standard_error (T, S) of the means."""
+        return precision_of(standard_error)
+
+    def columns(self, standard_error: Floats) -> dict[str, Floats]:
+        """Mean, sd and standard error (T, S) for a table of a prediction."""
+        return {"mean": self.mean(), "sd": self.sd(), "standard_error": standard_error}
+
+    def bands(self) -> plots.Bands:
+        """Means and the middle 95 % of the runs."""
+        return plots.Bands(self.times, self.mean(), self.quantile(0.025), self.quantile(0.975))
+
+    def approximate(self) -> None:
+        """None: the runs are exact."""
+
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, with bands of the middle 95 % of the runs; returns `ax`."""
-        low, high = self.quantile(0.025), self.quantile(0.975)
-        return plots.bands(ax, self.times, self.mean(), low, high, self.network.species, self.network.time_unit)
+        return plots.bands(ax, *self.bands(), self.network.species, self.network.time_unit)
 
 
 class Tally:

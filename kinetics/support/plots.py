@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,9 @@ COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F
 
 
 LINES = ("-", "--", "-.", ":")
+COUNT = "count"  # title of the axis of counts; what is shown of them stands in the legend
+MEAN, MOST_RUNS, INTERVAL, SINGLE_RUN = "mean", "middle 95 % of runs", "95 % interval of the mean", "single run"
+ANY = "grey"  # of legends: a look that species of all colours have
 
 
 def colour(i: int) -> str:
@@ -33,19 +36,40 @@ def line(i: int) -> dict[str, Any]:
     return {"color": colour(i), "linestyle": LINES[i // len(COLOURS) % len(LINES)]}
 
 
+class Bands(NamedTuple):
+    """Curves with bands.
+
+    times : (T,); middle, low, high : (T, S), the curves and the ends of their bands
+    """
+
+    times: Floats
+    middle: Floats
+    low: Floats
+    high: Floats
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the ends are whole numbers, as of counts: they then jump, and are drawn as steps."""
+        return bool((self.low == np.round(self.low)).all() and (self.high == np.round(self.high)).all())
+
+
 def steps(ax: Any, times: ArrayLike, counts: ArrayLike, names: Sequence[str], unit: str = "tu") -> Any:
     """Counts (T, S) that hold from each time to the next; returns `ax`."""
     for i, (name, column) in enumerate(zip(names, np.asarray(counts).T, strict=True)):
         ax.step(times, column, where="post", label=name, **line(i))
-    return _beside(_finish(ax, "copies", unit))
+    return _beside(_finish(ax, COUNT, unit))
 
 
-def thin_steps(ax: Any, runs: Sequence[tuple[ArrayLike, ArrayLike]]) -> Any:
-    """Single runs, times (T,) and counts (T, S) of each, as thin steps behind the `bands` of the axes; returns `ax`."""
+def thin_steps(ax: Any, runs: Sequence[tuple[ArrayLike, ArrayLike]], only: int | None = None) -> Any:
+    """Single runs, times (T,) and counts (T, S) of each, as thin steps behind the `bands` of the axes; returns `ax`.
+
+    only : draw this species alone
+    """
     for times, counts in runs:
-        for i, column in enumerate(np.asarray(counts).T):
+        for i in _places(np.shape(counts)[1], only):
+            column = np.asarray(counts)[:, i]
             ax.step(times, column, where="post", color=colour(i), linewidth=0.5, alpha=0.6, zorder=0.5)
-    ax.plot([], [], color="grey", linewidth=0.5, label="single run")
+    ax.plot([], [], color=ANY, linewidth=0.5, label=SINGLE_RUN)
     return _beside(ax)
 
 
@@ -57,34 +81,72 @@ def bands(
     high: ArrayLike,
     names: Sequence[str],
     unit: str = "tu",
+    label: str = COUNT,
+    only: int | None = None,
 ) -> Any:
-    """Curves (T, S) with shaded bands, one colour a species; `unit` is that of time; returns `ax`."""
-    columns = zip(names, np.asarray(middle).T, np.asarray(low).T, np.asarray(high).T, strict=True)
-    for i, (name, curve, bottom, top) in enumerate(columns):
-        ax.fill_between(times, bottom, top, color=colour(i), alpha=0.2, linewidth=0)
-        ax.plot(times, curve, label=name, **line(i))
-    return _beside(_finish(ax, "copies (mean, middle 95 %)", unit))
+    """Curves (T, S) with shaded bands, one colour a species; returns `ax`.
+
+    Bands of whole numbers are steps, halfway between two times. At a single time they are bars.
+    unit, label : unit of time; title of the other axis
+    only : draw this species alone, and leave its name to the title
+    """
+    shown = Bands(*map(np.asarray, (times, middle, low, high)))
+    step, is_one_time = "mid" if shown.is_whole else None, shown.times.size == 1
+    for i in _places(len(names), only):
+        look: dict[str, Any] = line(i) if only is None else {"color": colour(i)}
+        ends = shown.low[:, i], shown.high[:, i]
+        if is_one_time:  # a band and a curve would have no width
+            ax.vlines(shown.times, *ends, color=colour(i), alpha=0.2, linewidth=6)
+            look["marker"] = "o"
+        else:
+            ax.fill_between(shown.times, *ends, step=step, color=colour(i), alpha=0.2, linewidth=0)
+        ax.plot(shown.times, shown.middle[:, i], label=names[i] if only is None else None, **look)
+    ax.plot([], [], color=ANY, label=MEAN)
+    ax.fill_between([], [], color=ANY, alpha=0.3, linewidth=0, label=MOST_RUNS)
+    return _beside(_finish(ax, label, unit))
 
 
 def approximate(
-    ax: Any, times: ArrayLike, values: ArrayLike, names: Sequence[str], label: str, unit: str = "tu"
+    ax: Any,
+    times: ArrayLike,
+    values: ArrayLike,
+    names: Sequence[str],
+    label: str,
+    unit: str = "tu",
+    only: int | None = None,
 ) -> Any:
-    """Dotted curves (T, S) over the `bands` of the axes, or alone, called `label`; returns `ax`."""
-    is_alone = not ax.has_data()
-    for i, (name, column) in enumerate(zip(names, np.asarray(values).T, strict=True)):
-        ax.plot(times, column, color=colour(i), linestyle=":", linewidth=2.2, label=name if is_alone else None)
-    if is_alone:
-        return _beside(_finish(ax, f"copies, {label}", unit))
-    ax.plot([], [], color="grey", linestyle=":", linewidth=2.2, label=label)
+    """Dotted curves (T, S) over the `bands` of the axes, or alone, called `label`; returns `ax`.
+
+    only : draw this species alone, and leave its name to the title
+    """
+    is_named = only is None and not ax.has_data()
+    for i in _places(len(names), only):
+        curve = np.asarray(values)[:, i]
+        marker = "x" if np.size(times) == 1 else None
+        ax.plot(
+            times,
+            curve,
+            color=colour(i),
+            linestyle=":",
+            linewidth=2.2,
+            marker=marker,
+            label=names[i] if is_named else None,
+        )
+    ax.plot([], [], color=ANY, linestyle=":", linewidth=2.2, label=label)
+    return _beside(_finish(ax, COUNT, unit))
+
+
+def intervals(ax: Any, times: ArrayLike, low: ArrayLike, high: ArrayLike, only: int | None = None) -> Any:
+    """Dashed limits (T, S) of the means in the colours of `bands`; returns `ax`.
+
+    only : draw this species alone
+    """
+    marker = "_" if np.size(times) == 1 else None
+    for i in _places(np.shape(low)[1], only):
+        for limit in (np.asarray(low)[:, i], np.asarray(high)[:, i]):
+            ax.plot(times, limit, color=colour(i), linestyle="--", linewidth=0.8, marker=marker)
+    ax.plot([], [], color=ANY, linestyle="--", linewidth=0.8, label=INTERVAL)
     return _beside(ax)
-
-
-def intervals(ax: Any, times: ArrayLike, low: ArrayLike, high: ArrayLike) -> Any:
-    """Dashed limits (T, S) in the colours of `bands`; returns `ax`."""
-    for i, (bottom, top) in enumerate(zip(np.asarray(low).T, np.asarray(high).T, strict=True)):
-        for limit in (bottom, top):
-            ax.plot(times, limit, color=colour(i), linestyle="--", linewidth=0.8)
-    return ax
 
 
 def passage(ax: Any, times: ArrayLike, probability: ArrayLike, mean: float, target: str, unit: str = "tu") -> Any:
@@ -156,6 +218,11 @@ def words_as_they_are(figure: Any) -> None:
     }
     for text in figure.findobj(lambda artist: isinstance(artist, mpl.text.Text) and artist not in numbers):
         text.set_parse_math(False)
+
+
+def _places(n_species: int, only: int | None) -> Sequence[int]:
+    """Which species are drawn."""
+    return range(n_species) if only is None else [only]
 
 
 def _beside(ax: Any) -> Any:

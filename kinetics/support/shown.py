@@ -18,6 +18,7 @@ from kinetics.support.packages import extra, pd, plt
 from kinetics.support.tables import of_unit, text_table, with_spread
 
 MOST_TIMES = 11  # rows of a table for people
+RUN_SPREAD = "mean ± sd of a run"  # what the figures of predicted counts are
 
 Floats = NDArray[np.float64]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LOOK_CLOSER = "observe at shorter intervals before judging"
+MOST_NAMED = 3  # failed tests in a verdict that is to be short
 LEVEL = 0.01  # chance of one or more false alarms among all tests
 
 
@@ -89,6 +91,15 @@ class Diagnosis(Shown):
             return f"No sign against the model in {tests}; the smallest p is {least.p_value:.2g} ({least.title})."
         what = "The looks are too coarse to tell" if self.looks.channels else "The model is doubtful"
         return f"{what}: {len(self.failed)} of {tests}, fail ({', '.join(self.doubtful)})."
+
+    @property
+    def short_verdict(self) -> str:
+        """The verdict, where many tests fail with their numbers in place of their names."""
+        if len(self.failed) <= MOST_NAMED:
+            return self.verdict
+        counts = Counter(result.test for result in self.failed)
+        told = ", ".join(f"{n} of {name}" for name, n in counts.items())
+        return f"{self.verdict.partition(' (')[0]} ({told}); the least likely is {self.failed[0].title}."
 
     def verdicts(self) -> list[dict[str, Any]]:
         """One row a diagnostic: its question, the smallest p, a verdict, its measured size and power."""

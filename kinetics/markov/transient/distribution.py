@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from kinetics.support import plots
 from kinetics.support.arrays import Counts, Floats, read_only
 from kinetics.support.datasets import dataframe_over_times, dataset
 from kinetics.support.packages import pd
-from kinetics.support.shown import ResultTable, Shown, Tabular, means_over_time, on_axes
+from kinetics.support.shown import RUN_SPREAD, ResultTable, Shown, Tabular, means_over_time, on_axes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,6 +47,13 @@ class Distribution(Shown, Tabular):
     error: float
     is_bound: bool = True
     is_complete: bool = True
+    runs: ClassVar[None] = None
+    is_interrupted: ClassVar[bool] = False
+    truncated: ClassVar[None] = None
+    meaning: ClassVar[str] = RUN_SPREAD
+    approximation: ClassVar[None] = None
+    no_interval: ClassVar[str] = ""
+    notes: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
         expected = (self.times.size, len(self.space))
@@ -152,8 +159,26 @@ class Distribution(Shown, Tabular):
         places = {"time": self.times, "species": list(names), "copies": np.arange(most + 1)}
         return dataset(variables, places, self.network.time_unit, error=self.error, is_bound=int(self.is_bound))
 
+    def standard_error(self) -> Floats:
+        """Zeros (T, S): it was solved, not sampled."""
+        return np.zeros((self.times.size, len(self.network.species)))
+
+    def precision(self, _standard_error: Floats) -> str:
+        """How well the means are known, in a few words."""
+        return f"numerical error of the probabilities below {self.error:.1g}"
+
+    def columns(self, standard_error: Floats) -> dict[str, Floats]:
+        """Mean, sd and standard error (T, S) for a table of a prediction."""
+        return {"mean": self.mean(), "sd": self.sd(), "standard_error": standard_error}
+
+    def bands(self) -> plots.Bands:
+        """Means and the middle 95 % of the probability."""
+        return plots.Bands(self.times, self.mean(), self.quantile(0.025), self.quantile(0.975))
+
+    def approximate(self) -> None:
+        """None: nothing is approximated."""
+
     @on_axes
     def plot(self, ax: Any) -> Any:
         """Plot the means, with bands of the middle 95 % of the probability; returns `ax`."""
-        low, high = self.quantile(0.025), self.quantile(0.975)
-        return plots.bands(ax, self.times, self.mean(), low, high, self.network.species, self.network.time_unit)
+        return plots.bands(ax, *self.bands(), self.network.species, self.network.time_unit)

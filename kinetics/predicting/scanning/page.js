@@ -1,8 +1,8 @@
 // Draws the answers of a scan: lines over one name, or over two of which one has fewer than three values; else coloured
-// cells with contours. Every text of the model is put into the page as text, and into Plotly with & < > as entities.
+// cells with contours.
 "use strict";
 
-const scan = JSON.parse(document.getElementById("data").textContent);
+const scan = data;
 const [plot, controls, answer, empty] = ["plot", "controls", "answer", "empty"].map(id => document.getElementById(id));
 const sizes = scan.axes.map(axis => axis.values.length);
 const places = sizes.map(() => 0); // of the value of each name that is shown; the first two are drawn as axes
@@ -10,21 +10,6 @@ const SAMPLED = "95 % confidence";
 const FEW = 8; // values that an axis marks one by one
 const ENOUGH = 3; // values on each axis from which cells and contours are drawn
 let question = 0;
-
-const number = value => (value === null ? NaN : Number(value)); // infinite ones come as text
-const shown = value => (Number.isFinite(value) ? String(Number(value.toPrecision(6))) : value > 0 ? "infinite" : "-");
-const entities = text => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;");
-
-/** A text in lines of at most so many characters, as Plotly wants it; longer words are cut. */
-function lines(text, most) {
-  const found = [""];
-  for (const word of text.split(" ").flatMap(each => each.match(new RegExp(`[^]{1,${most}}`, "gu")) || [""])) {
-    const longer = found.at(-1) ? `${found.at(-1)} ${word}` : word;
-    if (longer.length <= most) found[found.length - 1] = longer;
-    else found.push(word);
-  }
-  return found.map(entities).join("<br>");
-}
 
 /** An interval, or one error if all digits shown agree. */
 function boundsOf(value, low, high) {

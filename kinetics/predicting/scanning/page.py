@@ -1,14 +1,8 @@
-"""A scan as one interactive HTML page: a picture over its first two names, sliders for the others, bounds on hovering.
-
-The page contains Plotly's script and needs no network, which its policy forbids. Names and questions of a model are in
-one block of JSON, escaped so that no character can end the block; `page.js` reads it.
-"""
+"""A scan as one interactive HTML page: a picture over its first two names, sliders for others, bounds on hovering."""
 
 from __future__ import annotations
 
 import html
-import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +12,10 @@ from kinetics.predicting.scanning.pictures import DrawnScan, cell_edges
 from kinetics.predicting.scanning.values import is_logarithmic
 from kinetics.support.answer import KINDS, NONE
 from kinetics.support.arrays import Floats
-from kinetics.support.limits import text_in
-from kinetics.support.packages import extra
+from kinetics.support.page import interactive_page, listed
 from kinetics.support.plots import COLOURS
 
-POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff; max-width: 64rem; margin: 1rem auto;
-       padding: 0 1rem; overflow-wrap: anywhere; }
-h1 { font-size: 1.3rem; line-height: 1.2; margin: 0.5rem 0; } h2 { font-size: 1.05rem; margin: 1rem 0 0; }
 #controls { display: flex; flex-wrap: wrap; gap: 0.5rem 2rem; }
 label { display: flex; flex-direction: column; flex: 1 1 16rem; min-width: 0; max-width: 100%; }
 select, input { width: 100%; font: inherit; } #plot { width: 100%; }
@@ -47,30 +36,12 @@ def scan_page(scan: DrawnScan, headline: str, questions: tuple[str, ...]) -> str
     >>> page.count("</script>"), "A at time 0 (count)" in page
     (3, True)
     """
-    library = extra("plotly.offline").get_plotlyjs()
-    script = text_in(Path(__file__).with_name("page.js"))
-    title = html.escape(f"Scan over {', '.join(scan.over)}")
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">\n'
-        f"<title>{title}</title>\n<style>{STYLE}</style></head>\n"
-        f"<body>\n<h1>{title}</h1>\n<p>{html.escape(headline)}</p>\n"
-        '<div id="controls"></div>\n<h2 id="answer"></h2>\n<div id="plot"></div>\n<p id="empty"></p>\n'
-        f"<p>{ASIDE}</p>\n<noscript><p>The picture needs JavaScript.</p></noscript>\n"
-        f'<script type="application/json" id="data">{json_in_html(_content(scan, questions))}</script>\n'
-        f"<script>{library}</script>\n<script>{script}</script>\n</body></html>\n"
+    body = (
+        f'<p>{html.escape(headline)}</p>\n<div id="controls"></div>\n<h2 id="answer"></h2>\n<div id="plot"></div>\n'
+        f'<p id="empty"></p>\n<p>{ASIDE}</p>'
     )
-
-
-def json_in_html(content: Any) -> str:
-    """JSON for a script element: the characters that HTML reads there are escaped as JSON's strings allow.
-
-    >>> json_in_html({"name": "</script>"})
-    '{"name": "\\\\u003c/script\\\\u003e"}'
-    """
-    text = json.dumps(content, allow_nan=False)
-    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+    script = Path(__file__).with_name("page.js")
+    return interactive_page(f"Scan over {', '.join(scan.over)}", body, _content(scan, questions), script, STYLE)
 
 
 def _content(scan: DrawnScan, questions: tuple[str, ...]) -> dict[str, Any]:
@@ -83,7 +54,7 @@ def _content(scan: DrawnScan, questions: tuple[str, ...]) -> dict[str, Any]:
     for q, _ in enumerate(questions):
         columns = zip(method[..., q].ravel(), why[..., q].ravel(), strict=True)
         told = ["; ".join(filter(None, parts)) or "not asked yet" for parts in columns]
-        found: dict[str, list[Any]] = {what: _listed(table[..., q]) for what, table in numbers.items()}
+        found: dict[str, list[Any]] = {what: listed(table[..., q]) for what, table in numbers.items()}
         found["kind"] = [KINDS.index(each or NONE) for each in kind[..., q].ravel()]
         found["note"] = [notes.setdefault(each, len(notes)) for each in told]
         answers.append(found)
@@ -106,11 +77,3 @@ def _axis(scan: DrawnScan, name: str, values: Floats) -> dict[str, Any]:
         "edges": cell_edges(rising).tolist(),
         "log": is_logarithmic(rising),
     }
-
-
-def _listed(table: Floats) -> list[float | str | None]:
-    """Numbers in a list for JSON, which has no infinite ones: null if there is none, infinite ones as text."""
-    return [
-        None if math.isnan(each) else each if math.isfinite(each) else ("Infinity" if each > 0 else "-Infinity")
-        for each in table.ravel().tolist()
-    ]

@@ -60,6 +60,8 @@ Named = TypeVar("Named", str | None, tuple[str, ...])  # the file of an option, 
 def in_a_folder(ctx: click.Context, param: click.Parameter, value: Named) -> Named:
     """Refuse, before any work is done, a file that could not be written."""
     for file in _files(value):
+        if file in ("", "-"):  # elsewhere standard output, which is that of the report
+            raise click.BadParameter(f"{file!r} names no file; give a path, or ./- for a file of that name", ctx, param)
         if not Path(file).absolute().parent.is_dir():
             raise click.BadParameter(f"the folder of {file} does not exist; make it first", ctx, param)
         check_target(file)
@@ -96,6 +98,16 @@ csv_option = files_option(
 plot_option = files_option(
     "--plot", "plot_files", callback=picture_of, help="Write a figure to this PNG, PDF or SVG file; may be repeated."
 )
+
+
+def page_option(shows: str) -> Callable[[Decorated], Decorated]:
+    """The option `--html`; `shows` : what the page has, for the help."""
+    return files_option(
+        "--html",
+        "html_files",
+        callback=table_of("plotly"),
+        help=f"Write an interactive page to this HTML file, which needs no network: {shows}; may be repeated.",
+    )
 
 
 def write_tables(files: Sequence[str], frame: Callable[[], Any], **form: Any) -> None:

@@ -52,7 +52,7 @@ def test_loads_nothing_from_elsewhere():
 
 def test_is_readable():
     page = sample().html()
-    assert "<td>1.235e-05</td>" in page  # four figures
+    assert "<td><span>1.235e-05</span></td>" in page  # four figures
     assert "<td>–</td>" in page  # nan
     assert "<td>seeds</td><td>1, 2</td>" in page
     assert "<td>versions.numpy</td><td>2</td>" in page

@@ -11,9 +11,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from browser import in_browser as browsed
 from synthetic_runs import line_network
 
 from calibration import HtmlReport, ReportTable, Text, crossvalidate
+from calibration.estimating.diagnosing.diagnosis import MOST_NAMED
 from calibration.estimating.study import CalibrationStudy
 from calibration.pipeline.bars import Bar
 from calibration.pipeline.held_out_study import ValidationStudy
@@ -88,7 +90,7 @@ def test_verdict_counts_and_rates_come_first(name):
     assert first.count("<table") == 1
     assert re.search(r"<th>rate \(?.*<td>1\+1->2</td>", first, re.DOTALL)
     if name != "validate":
-        assert study.diagnosis.verdict in first
+        assert study.diagnosis.short_verdict in first
         assert f"6 runs, {study.counts['joins']} joins, {study.counts['breaks']} breaks" in first
     if name != "calibrate":
         assert validated().verdict.sentence in first
@@ -170,3 +172,64 @@ def test_a_table_without_a_container_would_widen_the_page(tmp_path):
     assert held["tables"][0]["bar"] > 5
     loose = in_browser(page.replace('class="table"', ""), tmp_path)
     assert loose["closed"] > loose["page"]
+
+
+LOOK = """
+  await wait(100);
+  const folds = [...page.querySelectorAll("details")], bodies = [...page.body.children];
+  const rates = page.querySelector("body > figure .table"), styled = part => view.getComputedStyle(part);
+  const box = node => node.getBoundingClientRect();
+  const meet = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1 &&
+    Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1;
+  const look = () => ({
+    here: view.innerWidth, wide: page.documentElement.scrollWidth, open: folds.filter(fold => fold.open).length,
+    overlaps: bodies.flatMap((a, i) => bodies.slice(i + 1).map(b => meet(box(a), box(b)))).filter(Boolean).length,
+    within: [...page.querySelectorAll("table")].every(table => box(table.parentElement).right <= view.innerWidth),
+    first: rates.scrollWidth - rates.clientWidth,
+    tables: [...page.querySelectorAll("table")].map(table => box(table).right),
+    seen: folds.map(fold => fold.lastElementChild.checkVisibility()),
+    unbroken: [...page.querySelectorAll("td span")].every(part => part.getClientRects().length <= 1),
+    kept: [...page.querySelectorAll("tr, img")].map(part => styled(part).breakInside),
+    followed: [...page.querySelectorAll("summary, figcaption, thead")].map(part => styled(part).breakAfter),
+  });
+"""
+PAPER = 718  # CSS pixels between the margins of an A4 page
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("name", PAGES)
+def test_pages_neither_scroll_sideways_nor_overlap(name, width, tmp_path):
+    script = "const closed = look(); folds.forEach(fold => { fold.open = true; }); return [closed, look()];"
+    for page in browsed(PAGES[name]().html(), LOOK + script, tmp_path, width):
+        assert page["wide"] <= page["here"] <= width
+        assert page["overlaps"] == 0
+        assert page["within"]
+        assert page["first"] == 0  # the rates are seen whole on a phone, too
+        assert page["unbroken"]
+    assert page["open"] == len(page["seen"]) > 4
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_paper_shows_what_is_folded_and_cuts_nothing_off(name, tmp_path):
+    """The style of paper, shown on a screen that is as wide."""
+    html_text = PAGES[name]().html()
+    page = browsed(html_text.replace("@media print", "@media screen"), LOOK + "return look();", tmp_path, PAPER)
+    assert page["open"] == 0  # their content is shown all the same
+    assert all(page["seen"])
+    assert max(page["tables"]) <= page["here"] <= PAPER
+    assert page["wide"] <= page["here"]
+    assert set(page["kept"]) == set(page["followed"]) == {"avoid"}
+    shut = browsed(html_text, LOOK + "return look();", tmp_path, PAPER)  # the control
+    assert not any(shut["seen"])
+
+
+def test_a_verdict_of_many_failed_tests_is_short_on_the_first_screen():
+    study = calibrated(squeezed=True)
+    short, whole = study.diagnosis.short_verdict, study.diagnosis.verdict
+    n = len(study.diagnosis.failed)
+    assert (short != whole) == (n > MOST_NAMED)
+    page = calibration_report(study).html()
+    assert short in first_part(page)
+    assert whole in html.unescape(page)
+    few = calibrated().diagnosis
+    assert few.short_verdict == few.verdict

@@ -168,6 +168,13 @@ def test_bad_start(command, arguments, message):
         (["--threads", 0], "0 is not in the range"),
         (["--plot", "out.xyz"], "out.xyz must end in .png, .pdf, .svg"),
         (["--csv", "no/such/folder/out.csv"], "the folder of no/such/folder/out.csv does not exist"),
+        (["--html", "no/such/folder/out.html"], "the folder of no/such/folder/out.html does not exist"),
+        (["--html", "."], ". is a folder, which is not written to"),
+        (["--html", "/dev/null"], "/dev/null is a device or a pipe"),
+        (["--html", "-"], "'-' names no file; give a path, or ./- for a file of that name"),
+        (["--html", ""], "'' names no file"),
+        (["--csv", "-"], "'-' names no file"),
+        (["--plot", "-"], "- must end in .png, .pdf, .svg"),
     ],
 )
 def test_bad_questions(arguments, message):

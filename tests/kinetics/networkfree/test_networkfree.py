@@ -322,7 +322,7 @@ def test_alignment_takes_back_any_turn():
 def test_plots_are_labelled():
     from matplotlib.figure import Figure
 
-    for book, n, label in ((T5, 30, "copies (mean, middle 95 %)"), (PYRAMID, 100, "cubes (mean, middle 95 %)")):
+    for book, n, label in ((T5, 30, "count"), (PYRAMID, 100, "number of cubes")):
         ax = Figure().add_subplot()
         growths = grow(book, ClassRates.uniform(1e-3), n, 50.0, runs=3)
         assert growths.plot(ax, [0.0, 25.0, 50.0]) is ax

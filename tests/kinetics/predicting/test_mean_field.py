@@ -124,9 +124,10 @@ def test_it_is_drawn_over_the_exact_bands_or_alone():
         return [text.get_text() for text in ax.get_legend().get_texts()], len(ax.collections), ax.get_ylabel()
 
     compared, bands, _ = labels(field(PAIR))
-    assert (compared, bands) == (["A", "B", "AB", "mean field (approximate)"], 3)
+    assert compared == ["A", "B", "AB", "mean", "middle 95 % of runs", "mean field (approximate)"]
+    assert bands == 3 + 1  # and that of the legend
     alone = labels(field("0 -> A, 5\nA -> 0, 1"))
-    assert alone == (["A"], 0, "copies, mean field (approximate)")
+    assert alone == (["A", "mean field (approximate)"], 0, "count")
 
 
 def test_sums_of_counts_and_rates_with_evidence():

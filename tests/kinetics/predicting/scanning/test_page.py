@@ -9,7 +9,8 @@ import pytest
 from browser import in_browser
 
 from kinetics import Model, Network, scan
-from kinetics.predicting.scanning.page import json_in_html, scan_page
+from kinetics.predicting.scanning.page import scan_page
+from kinetics.support.page import json_in_html
 
 MODEL = "time unit: s\nbind: A + B -> AB, k\nunbind: AB -> A + B, u\nk = 1e-2\nu = 0.1\nA = 6\nB = 4"
 OVER = {"k": [1e-3, 1e-2, 1e-1], "A": [8, 4, 6], "B": [2, 3, 4], "u": [0.1, 0.2]}
@@ -203,7 +204,7 @@ def test_names_that_are_markup_stay_text(n, tmp_path):
 
 def test_a_page_whose_data_is_not_escaped_breaks(tmp_path, monkeypatch):
     """The control: the same names, in JSON as it is."""
-    monkeypatch.setattr("kinetics.predicting.scanning.page.json_in_html", json.dumps)
+    monkeypatch.setattr("kinetics.support.page.json_in_html", json.dumps)
     with pytest.raises(AssertionError):
         shown(hostile(2)[0], tmp_path)
 
