@@ -90,9 +90,9 @@ def sources_hash() -> str | None:
     try:
         files = [path for folder in (home, home / "deriving", home / "rules") for path in sorted(folder.glob("*.py"))]
         for path in files:
-            text = path.read_bytes()
+            text = bytes_in(path)
             seen.update(f"\n{path.name} {len(text)}\n".encode() + text)
-    except OSError:
+    except (OSError, ValueError):  # ValueError: one of them is gone
         return None
     return seen.hexdigest() if files else None
 
