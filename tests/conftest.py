@@ -11,6 +11,7 @@ from json_outputs import watch_outputs
 # Before numpy and matplotlib are imported, here and in subprocesses: several tests run side by side.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["MPLBACKEND"] = "Agg"
+os.environ["WELLMIXED_CACHE"] = "off"  # or tests would read what others left in the user's folder
 # Settings of one machine that hide a fault on others: without the first, Python's last flush may fail at exit. And byte
 # code is kept, or hundreds of commands compile all modules again.
 for name in ("PYTHONUNBUFFERED", "PYTHONDONTWRITEBYTECODE"):

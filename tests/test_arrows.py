@@ -265,10 +265,14 @@ def test_rooms_are_light_to_enter(room):
         ["P=? [ F<=5 AB >= 5 ]", "S=? [ AB >= 5 ]", "P=? [ A > 2 U AB >= 9 ]", "--sensitivity"],
     ],
 )
-def test_questions_do_not_start_the_compiler(asked, tmp_path):
+def test_questions_start_neither_the_compiler_nor_scipy(asked, tmp_path):
     """Neither for values nor for derivatives; the control shows that it would be seen."""
     network = tmp_path / "pair.rxn"
     network.write_text("bind: A + B <-> AB, 1e-2, 0.1\nA = 10\nB = 10\n", encoding="utf-8")
     code = "from wellmixed import main\ntry:\n    main({})\nexcept SystemExit: pass"
-    assert "numba" not in loaded(code.format(["ask", str(network), *asked]))
+    assert not {"numba", "scipy"} & set(loaded(code.format(["ask", str(network), *asked])))
+    stiff = tmp_path / "large.rxn"  # 441 states, which are solved by iteration
+    stiff.write_text("grow: A <-> B, 1, 2\nturn: C <-> D, 1, 2\nA = 20\nC = 20\n", encoding="utf-8")
+    steady = loaded(code.format(["ask", str(stiff), "S=? [ B + D >= 5 ]", "P=? [ A > 2 U B + D >= 38 ]"]))
+    assert "numba" not in steady
     assert "numba" in loaded("from kinetics.kernels import markov")

@@ -52,7 +52,8 @@ def described(asked: ModelOptions) -> tuple[Model, AppliedRates | None]:
         raise ValueError("a rule book has no rates; name some, as in --rates table3")
     if (cubes is None) == (asked.initial is None):
         raise ValueError("say what the tank holds at time 0 by either --cubes 60 or --initial monomer=20,dimer=20")
-    from kinetics.assembly import RuleBook, derive
+    from kinetics.assembly import RuleBook
+    from kinetics.assembly.deriving.cached import derive_cached
     from kinetics.rates import (
         BookRates,
         ClassRates,
@@ -64,7 +65,7 @@ def described(asked: ModelOptions) -> tuple[Model, AppliedRates | None]:
     )
 
     by_class = ClassRates.load(rates_name) if are_by_class(rates_name) else None
-    derivation = derive(RuleBook.load(source))
+    derivation = derive_cached(RuleBook.load(source))
     book, network = derivation.book, derivation.network
     rates: AppliedRates
     if by_class is not None:
@@ -138,10 +139,11 @@ def shown_of(model: Model, names: tuple[str, ...]) -> Observables | None:
 
 def network_of_book(name: str) -> tuple[Network, str]:
     """The network that a book gives, and the name of its single cube."""
-    from kinetics.assembly import RuleBook, derive
+    from kinetics.assembly import RuleBook
+    from kinetics.assembly.deriving.cached import derive_cached
 
     book = RuleBook.load(name)
-    derivation = derive(book)
+    derivation = derive_cached(book)
     return derivation.network, derivation.network.species[derivation.species_of(book.monomer())]
 
 

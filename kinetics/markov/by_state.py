@@ -107,7 +107,7 @@ def always_by_state(chain: Chain, states: Target, by: float | None = None, after
 
 def steady_by_state(chain: Chain, values: Floats) -> StateAnswers:
     """The means of values (N,), none negative, after infinite time from every state: `Chain.steady_state`."""
-    chain.check_complete("a steady state")
+    chain.check_complete("a steady state", is_from_start=False)
 
     def found() -> StateAnswers:
         n, transitions = len(chain), chain.transitions
@@ -138,7 +138,7 @@ def reward_by_state(
 ) -> StateAnswers:
     """The answers of `Chain.reward` from every state; inf where no finite mean exists."""
     given, n = reward_asked(chain, name, at, up_to, until, stationary), len(chain)
-    chain.check_complete("a reward from every state")
+    chain.check_complete("a reward from every state", is_from_start=False)
     transitions, is_bound = chain.transitions, chain.transitions.is_certified
 
     def wider(found: BoundedSolution, relative: float, is_bound: bool = is_bound) -> StateAnswers:

@@ -121,9 +121,20 @@ class Chain:
         """
         return built_in(self.transitions, self.initial, self.truncated)
 
-    def check_complete(self, question: str) -> None:
-        """A ValueError if the chain is truncated."""
-        if self.truncated.any():
+    def truncated_before(self, stops: Mask) -> Mask:
+        """The truncated states (N,) that a run may enter before any in which it stops (N,): all that it may lose.
+
+        Where there are none, the answer for these stops is that of the whole chain, with bounds on both sides.
+        """
+        edge = np.asarray(self.truncated & ~stops)
+        if not edge.any():
+            return edge
+        return np.asarray(edge & self.transitions.stopped(stops).reached_from(self.initial > 0))
+
+    def check_complete(self, question: str, is_from_start: bool = True) -> None:
+        """A ValueError if the chain is truncated, in states that are reached from the start or in any."""
+        nowhere = np.zeros(len(self), dtype=bool)
+        if (self.truncated_before(nowhere) if is_from_start else self.truncated).any():
             raise ValueError(
                 f"{question} needs the whole state space, and this chain is truncated: enumerate all states, or ask "
                 f"for a probability, a committor, a passage time or a reward"
@@ -221,7 +232,7 @@ class Chain:
             return truncation_bounds(total, rates, edge, given.most)
         if until is not None:
             goal = self.states(until)
-            unsure = edge & ~goal
+            unsure = self.truncated_before(goal)
             asked = (*self._begun, rates, goal | unsure)
             found = self._answer(lambda: accumulated_until(*asked).found.inflated(rounded), EQUATIONS)
             return replace(found, high=np.inf) if unsure.any() else found
@@ -254,7 +265,7 @@ class Chain:
     def passage(self, target: Target, name: str = "") -> Passage:
         """The first-passage time to the target (`name` in tables): moments, distribution and quantiles."""
         began, goal = time.process_time(), self.states(target)
-        unsure = self.truncated & ~goal
+        unsure = self.truncated_before(goal)
         words = name or (target if isinstance(target, str) else "the target")
         unit = self.space.network.time_unit if self.space else ""
         found = passage_to(*self._begun, goal, words, unit)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
-from ctypes import POINTER, Structure, byref, c_char, c_double, c_int, c_int64, c_uint32, c_uint64, c_void_p
+from ctypes import POINTER, Structure, byref, c_char, c_double, c_int, c_int32, c_int64, c_uint32, c_uint64, c_void_p
 from typing import Any, cast
 
 import numpy as np
@@ -19,12 +19,14 @@ def library() -> ctypes.CDLL | None:
     except ImportError:
         return None
     loaded = ctypes.CDLL(_native.__file__)
-    loaded.reduce_band.restype = loaded.insert.restype = c_int64
+    for name in COUNTING:
+        getattr(loaded, name).restype = c_int64
     for name in VOID:
         getattr(loaded, name).restype = None
     return loaded
 
 
+COUNTING = ("reduce_band", "insert", "rows_of", "components", "correct_residuals")
 VOID = (
     *(
         "tabulate",
@@ -44,6 +46,7 @@ VOID = (
         "occupied",
         "corrected",
     ),
+    *("reduce_incomplete", "sweep_solve", "sweep_occupy", "multiply_accumulated", "multiply_occupied"),
     *("lockstep", "extend_range", "fit_bins", "rebin", "tally", "add_products"),
 )
 
@@ -143,11 +146,22 @@ class RunMoves(Structure):
     ]
 
 
+class Factored(Structure):
+    """Incomplete factors of a chain's equations, and these."""
+
+    _fields_ = [
+        *((name, POINTER(c_int32)) for name in ("begins", "middles", "columns")),
+        *((name, POINTER(c_double)) for name in ("shares", "reduced", "rates", "exits")),
+        ("n", c_int64),
+    ]
+
+
 TYPES: dict[Any, Any] = {
     POINTER(c_double): float,
     POINTER(c_int64): np.int64,
     POINTER(c_uint64): np.uint64,
     POINTER(c_uint32): np.uint32,
+    POINTER(c_int32): np.int32,
     POINTER(c_char): np.bool_,
 }
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinetics import kernels
-from kinetics.native.library import call, given, is_built
+from kinetics.native.library import Factored, call, filled, given, is_built
+from kinetics.native.rate_tables import RateTable
 from kinetics.support.interrupts import short_slices
 
 Floats = NDArray[np.float64]
@@ -68,6 +69,79 @@ def balanced(table: Any, exits: Floats, logs: Floats) -> None:
         return
 
     kernels.balance.balanced(table.indptr, table.indices, table.data, exits, logs)
+
+
+class Factors(NamedTuple):
+    """Equations of a chain by rows, and incomplete factors of them: `incomplete.reduce`.
+
+    begins (n + 1,), middles (n,), columns (K,) : int32; middles : where the entries above the diagonal begin
+    shares (K,), reduced (n,) : the factors; rates (K,), exits (n,) : the equations
+    record : the same for C, if the C kernels are built
+    """
+
+    begins: NDArray[np.int32]
+    middles: NDArray[np.int32]
+    columns: NDArray[np.int32]
+    shares: Floats
+    reduced: Floats
+    rates: Floats
+    exits: Floats
+    record: Any
+
+    @classmethod
+    def of(cls, table: RateTable, leaving: Floats) -> Factors:
+        """Factors of a chain of rates (n, n) without a diagonal, which is left at `leaving` (n,)."""
+        n = leaving.size
+        begins, columns = table.indptr.astype(np.int32), table.indices.astype(np.int32)
+        shares, reduced, left, middles = table.data.copy(), np.empty(n), leaving.astype(float), np.empty(n, np.int32)
+        exits = np.add.reduceat(np.append(table.data, 0.0), begins[:-1]) * (np.diff(begins) > 0) + leaving
+        if not is_built():
+            kernels.incomplete.reduce(begins, columns, shares, left, middles, reduced)
+            return cls(begins, middles, columns, shares, reduced, table.data, exits, None)
+
+        places = np.empty(n, np.int32)
+        call("reduce_incomplete", begins, columns, shares, left, middles, reduced, n, places)
+        arrays = begins, middles, columns, shares, reduced, table.data, exits
+        return cls(*arrays, filled(Factored, *arrays, n))
+
+    def product(self, x: Floats, is_occupation: bool) -> Floats:
+        """A x (n,), or x A: `incomplete.accumulated`, `occupied`."""
+        result = np.empty_like(x)
+        if self.record is not None:
+            call("multiply_occupied" if is_occupation else "multiply_accumulated", self.record, x, result)
+            return result
+
+        kernel = kernels.incomplete.occupied if is_occupation else kernels.incomplete.accumulated
+        kernel(self.begins, self.columns, self.rates, self.exits, x, result)
+        return result
+
+    def sweep(self, x: Floats, is_occupation: bool) -> None:
+        """Solve the equations of the factors, in place: `incomplete.solve`, `occupy`."""
+        if self.record is not None:
+            call("sweep_occupy" if is_occupation else "sweep_solve", self.record, x)
+            return
+
+        kernel = kernels.incomplete.occupy if is_occupation else kernels.incomplete.solve
+        kernel(self.begins, self.middles, self.columns, self.shares, self.reduced, x)
+
+    def correct(
+        self, is_occupation: bool, units: Floats, left: Floats, change: Floats, goal: float, most: int
+    ) -> int:  # fmt: skip
+        """Add to a change what takes residuals away; how many rounds that took, at most `most`: `krylov.correct`."""
+        n, done = left.size, 0
+        memory, numbers, room = np.empty((4, n)), np.empty(3), np.empty((3, n))
+        aim, over = np.array([goal]), np.zeros(1, np.int64)
+        for part in short_slices(most, 8.0 * (self.shares.size + n)):
+            if self.record is not None:
+                given_on = is_occupation, units, left, change, aim, memory, numbers, room, done, part.stop, over
+                done = call("correct_residuals", self.record, *given_on)
+            else:
+                done, over[0] = kernels.krylov.correct(
+                    *self[:7], is_occupation, units, left, change, goal, memory, numbers, done, part.stop
+                )
+            if over[0]:
+                break
+        return done
 
 
 def _divided(is_done: int) -> None:

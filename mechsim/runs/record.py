@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinetics.assembly import Derivation, RuleBook, Structure, derive
+from kinetics.assembly import Derivation, RuleBook, Structure
+from kinetics.assembly.deriving.cached import derive_cached
 from kinetics.network import Tank
 from kinetics.runs import RESTART, JumpPath
 from kinetics.support.config import is_path
@@ -49,7 +50,7 @@ def book_of(rules: str) -> tuple[RuleBook, Derivation]:
 @lru_cache(maxsize=16)
 def _book_of(rules: str, _written: tuple[int, ...] | None) -> tuple[RuleBook, Derivation]:
     book = RuleBook.load(rules)
-    return book, derive(book)
+    return book, derive_cached(book)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import resource
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -31,6 +32,7 @@ from kinetics.rates import Rates
 from kinetics.sampling import Direct
 from kinetics.sampling.base import stream_key
 from kinetics.sampling.merging import Merging
+from kinetics.support.output import scratch_folder
 from kinetics.support.tables import text_table
 
 REFERENCE = [sys.executable, "-c", "import numpy"]
@@ -41,6 +43,21 @@ COMMANDS = {
     f"predict {LINE} --method ssa --runs 1000": 2.0,
     f"predict {LINE} --method transient": 4.0,
     f"passage {LINE} --species quadmer": 4.0,
+    "ask eleven.sm 'P=? [ F<=10 n=10 ]'": 3.0,
+    "ask eleven.sm 'S=? [ n=10 ]'": 3.0,
+    "ask pair.rxn 'P=? [ F<=10 AB>=5 ]'": 3.0,
+    "ask pair.rxn 'P=? [ F<=10 AB>=5 ]' --sensitivity": 3.0,
+    "ask pair.rxn 'S=? [ AB>=5 ]' --sensitivity": 3.0,
+}
+FILES = {
+    "eleven.sm": """ctmc
+module queue
+  n : [0..10] init 0;
+  [] n<10 -> 1 : (n'=n+1);
+  [] n>0 -> 2 : (n'=n-1);
+endmodule
+""",
+    "pair.rxn": "bind: A + B <-> AB, 0.1, 0.2\nA = 10\nB = 8\n",
 }
 
 
@@ -50,13 +67,14 @@ USUAL = {name: value for name, value in os.environ.items() if name != "PYTHONDON
 
 def user_seconds(command: list[str], **more: str) -> float:
     """User CPU time of a new process."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-    subprocess.run(command, check=True, capture_output=True, env=USUAL | more)
-    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+    with scratch_folder(FILES) as folder:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+        subprocess.run(command, check=True, capture_output=True, env=USUAL | more, cwd=folder)
+        return resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
 
 
 def wellmixed(words: str) -> list[str]:
-    return [sys.executable, "-c", "import wellmixed; wellmixed.main()", *words.split()]
+    return [sys.executable, "-c", "import wellmixed; wellmixed.main()", *shlex.split(words)]
 
 
 def starts(repeats: int) -> None:

@@ -215,7 +215,6 @@ class Passes:
         chain = kept.entries.transitions
         self._kept, self._weights = kept, weights
         moves, self._stays, roundings = one_step(chain)
-        moves.sort_indices()
         self._moves, self._rate = twins.backward_moves(*places(moves), self._stays), jump_rate(chain)
         self._n_moves = moves.nnz
         n, inflows = chain.size, int(np.bincount(chain.columns, minlength=1).max())

@@ -31,7 +31,7 @@ class Forwards:
     """
 
     def __init__(self, moves: Any, stays: Floats, start: Floats, weights: Floats, functions: Floats) -> None:
-        self._moves = twins.backward_moves(*places(moves.T.tocsr()), stays)
+        self._moves = twins.backward_moves(*places(moves.transposed()), stays)
         most, n = weights.size, start.size
         self.length = ceil(sqrt(most))
         rows = min(KEPT_BYTES / (8.0 * n), most) + 3.0 * self.length

@@ -19,9 +19,9 @@ from kinetics.markov.passage.until import Mask
 from kinetics.markov.transient.poisson import ROUNDOFF, poisson_bounds
 from kinetics.markov.transient.search import Search, TooManyStatesError
 from kinetics.markov.transient.states import StateSpace
+from kinetics.native.rate_tables import RateTable
 from kinetics.network import Network
 from kinetics.support.arrays import Floats, Ints
-from kinetics.support.packages import sparse
 
 MOST_STATES = 64
 MOST_MEAN = 100.0  # steps between two looks; for more, matrices of a shorter time are squared
@@ -138,7 +138,7 @@ class FewPass:
             rows, columns, _ = self._few.entries
             inside = ~self._recorded
             share = self._rates[inside] / self.rate
-            moves = sparse.csr_array((share, (rows[inside], columns[inside])), shape=(self.n, self.n))
+            moves = RateTable.of(rows[inside], columns[inside], share, self.n)
         return np.asarray(moves.toarray() + np.diag(stays))
 
     @cached_property

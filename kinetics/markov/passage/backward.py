@@ -19,10 +19,10 @@ from kinetics.markov.transient.poisson import ROUNDOFF, poisson_bounds, poisson_
 from kinetics.markov.transient.transitions import Transitions
 from kinetics.markov.transient.uniformisation import MAX_STEPS, STEP_SECONDS
 from kinetics.native import twins
+from kinetics.native.rate_tables import RateTable
 from kinetics.support.answer import PROVEN, Answer
 from kinetics.support.arrays import Floats
 from kinetics.support.cli.progress import forecast
-from kinetics.support.packages import sparse
 from kinetics.support.tables import rough
 
 LEFT_OUT = 1e-302  # of the Poisson probability: what is smaller is not known relatively
@@ -88,7 +88,7 @@ def uniformised(
         row[:begin] = 1.0 if integrates else 0.0
     if integrates:  # of the number of steps N: P(N > n) / q, as in `BackwardPass.integral`
         shares /= jump_rate(transitions)
-    found = twins.summed_steps(moves if is_backwards else moves.T.tocsr(), stays, shares, vector)
+    found = twins.summed_steps(moves if is_backwards else moves.transposed(), stays, shares, vector)
     if not is_backwards:
         # forwards, a state adds up what all others bring: as many products as lead to it
         roundings += 2.0 * (int(np.bincount(transitions.columns, minlength=1).max()) + 2.0)
@@ -257,10 +257,10 @@ def jump_rate(transitions: Transitions, spare: float = SPARE) -> float:
     return spare * float(transitions.exits.max(initial=0.0))
 
 
-def one_step(transitions: Transitions, spare: float = SPARE) -> tuple[Any, Floats, float]:
+def one_step(transitions: Transitions, spare: float = SPARE) -> tuple[RateTable, Floats, float]:
     """P off its diagonal (N, N) by rows, its diagonal (N,), and how many roundings a step backwards adds at most."""
     n, rate = transitions.size, jump_rate(transitions, spare)
-    moves: Any = sparse.csr_array((transitions.rates / rate, (transitions.rows, transitions.columns)), shape=(n, n))
+    moves = RateTable.of(transitions.rows, transitions.columns, transitions.rates / rate, n)
     wide = np.concatenate([moves.data.astype(np.longdouble), np.zeros(1, np.longdouble)])
     exits = np.where(np.diff(moves.indptr) > 0, np.add.reduceat(wide, moves.indptr[:-1]), 0.0)
     merged = int(np.bincount(transitions.rows, minlength=1).max())

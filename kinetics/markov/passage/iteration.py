@@ -12,12 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kinetics import kernels
 from kinetics.markov.passage.certified import FINE, BoundedSolution, Equations
 from kinetics.markov.transient.poisson import ROUNDOFF
+from kinetics.native import linear
+from kinetics.native.rate_tables import RateTable
 from kinetics.support.arrays import Floats
-from kinetics.support.interrupts import short_slices
-from kinetics.support.packages import sparse
 
 LARGEST = 830  # binary exponent of the largest value while bounds are proven, so that small ones lose no digits
 TINY = 1e-307  # what doubles lose where they are smallest, and more
@@ -47,23 +46,15 @@ class Comparison(NamedTuple):
 
 
 class Iteration(Equations):
-    """The equations of a chain by BiCGSTAB with incomplete factors: see `kernels.krylov`, `kernels.incomplete`.
+    """The equations of a chain by BiCGSTAB with incomplete factors: see `linear.Factors`.
 
     Cost: some tens of passes over the rates. If it does not converge, bounds are wide or inf.
     """
 
     def _factor(self, rows: NDArray[Any], columns: NDArray[Any], rates: Floats, leaving: Floats) -> None:
 
-        n = leaving.size
-        table: Any = sparse.csr_array((rates, (rows, columns)), shape=(n, n))
-        table.sum_duplicates()
-        begins, places = table.indptr.astype(np.int32), table.indices.astype(np.int32)
-        shares, reduced, left = table.data.copy(), np.empty(n), leaving.copy()
-        middles = np.empty(n, dtype=np.int32)
-        kernels.incomplete.reduce(begins, places, shares, left, middles, reduced)
-        self._factors = (begins, middles, places, shares, reduced)
-        self._exits = np.add.reduceat(np.append(table.data, 0.0), begins[:-1]) * (np.diff(begins) > 0) + leaving
-        self._table = (begins, places, table.data, self._exits)
+        self._factors = linear.Factors.of(RateTable.of(rows, columns, rates, leaving.size), leaving)
+        self._exits = self._factors.exits
         # Beyond this, rounding of the rates is most of the error.
         self.goal = max(4.0 * FINE, self.rates_error / 16.0)
 
@@ -114,7 +105,7 @@ class Iteration(Equations):
                     break
                 best = relative
                 goal = max(0.3 * self.goal / loss, DIGITS * relative / loss)
-                kernels.residuals.corrected(high, low, self._changed(left, sure.reached, goal, is_occupation))
+                linear.corrected(high, low, self._changed(left, sure.reached, goal, is_occupation))
                 low[high < 0.0] = 0.0
                 high[high < 0.0] = 0.0
                 left, doubt = self._left(weights, high, low, is_occupation)
@@ -176,27 +167,17 @@ class Iteration(Equations):
 
     def _rest(self, weights: Floats, found: Floats, is_occupation: bool) -> Floats:
         """The residual of a solution, in plain doubles."""
-        product = np.empty_like(found)
-        (kernels.incomplete.occupied if is_occupation else kernels.incomplete.accumulated)(*self._table, found, product)
-        return weights - product
+        return weights - self._factors.product(found, is_occupation)
 
     def _swept(self, left: Floats, is_occupation: bool) -> Floats:
         """Apply the preconditioner to a residual, in place."""
-        (kernels.incomplete.occupy if is_occupation else kernels.incomplete.solve)(*self._factors, left)
+        self._factors.sweep(left, is_occupation)
         return left
 
     def _changed(self, left: Floats, units: Floats, goal: float, is_occupation: bool) -> Floats:
         """The correction of a solution with this residual, by BiCGSTAB."""
         change, most, left = np.zeros_like(left), min(STEPS, self._steps), left.copy()
-        memory, numbers, done = np.empty((4, left.size)), np.empty(3), 0
-        for part in short_slices(most, 8.0 * (self._factors[3].size + left.size)):
-            done, is_over = kernels.krylov.correct(
-                *self._factors, *self._table[2:], is_occupation, units, left, change, goal, memory, numbers, done,
-                part.stop,
-            )  # fmt: skip
-            if is_over:
-                break
-        self._steps -= done
+        self._steps -= self._factors.correct(is_occupation, units, left, change, goal, most)
         return np.where(np.isfinite(change), change, 0.0)
 
 

@@ -17,11 +17,12 @@ from kinetics.markov.transient import StateSpace, Transitions
 from kinetics.markov.transient.poisson import ROUNDOFF
 from kinetics.markov.transient.transitions import totals
 from kinetics.native import linear
+from kinetics.native.rate_tables import RateTable, connected_classes
 from kinetics.support import plots
 from kinetics.support.answer import Answer, kind_of
 from kinetics.support.arrays import Counts, Floats, read_only
 from kinetics.support.datasets import dataframe
-from kinetics.support.packages import pd, sparse
+from kinetics.support.packages import pd
 from kinetics.support.shown import ResultTable, Shown, Tabular, on_axes
 
 MOST_CLASSES = 10  # in a table for people
@@ -138,7 +139,7 @@ def stationary_of(transitions: Transitions, start: Floats) -> Stationary:
     """The stationary distribution of any chain from a start spread as `start` (N,)."""
     rows, columns, *_ = transitions
     n = transitions.size
-    n_classes, label = sparse.csgraph.connected_components(_graph(rows, columns, n), directed=True, connection="strong")
+    n_classes, label = connected_classes(rows, columns, n)
     is_closed = np.ones(n_classes, dtype=bool)
     is_closed[label[rows[label[rows] != label[columns]]]] = False
     try:
@@ -170,11 +171,6 @@ def steady_mean(rest: Stationary, values: Floats) -> Answer:
     # of states that are held in the steady state, however rarely
     lost = UNDERFLOW * sum(float(values[members].sum()) for members in rest.classes)
     return Answer.within(value, error, rest.is_bound, lost)
-
-
-def _graph(rows: NDArray[Any], columns: NDArray[Any], n: int) -> Any:
-
-    return sparse.csr_array((np.ones(rows.size), (rows, columns)), shape=(n, n))
 
 
 def _weights(
@@ -256,8 +252,7 @@ def _by_iteration(chain: Transitions) -> tuple[Floats, float]:
 
 def _guessed(chain: Transitions) -> Floats:
     """About the probabilities (N,), times some number."""
-    table: Any = sparse.csr_array((chain.rates, (chain.rows, chain.columns)), shape=(chain.size, chain.size))
-    table.sum_duplicates()
+    table = RateTable.of(chain.rows, chain.columns, chain.rates, chain.size)
     logs = np.empty(chain.size)
     linear.balanced(table, chain.exits, logs)
     return np.exp(np.maximum(logs - float(logs.max()), LOWEST))

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from kinetics.markov.transient.poisson import ROUNDOFF, poisson_bounds, poisson_tails, poisson_window, window_error
 from kinetics.markov.transient.transitions import RATE_ERROR, Transitions
 from kinetics.native import twins
+from kinetics.native.rate_tables import RateTable
 from kinetics.support.arrays import Floats, Ints
 from kinetics.support.cli.progress import forecast
 from kinetics.support.packages import sparse
@@ -77,7 +78,7 @@ class DiscreteChain:
         """
         rate = float(exits.max(initial=0.0)) or 1.0
         n = exits.size
-        moves: Any = sparse.csr_array((rates / rate, (columns, rows)), shape=(n, n))
+        moves = RateTable.of(columns, rows, rates / rate, n)
         most_in, most_on = (int(np.bincount(ends, minlength=1).max()) for ends in (columns, rows))
         terms = most_in + (most_on if most_out is None else most_out)
         arrays = Arrays(moves.indptr.astype(np.uint32), moves.indices.astype(np.uint32), moves.data, exits / rate)

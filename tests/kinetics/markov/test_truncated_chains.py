@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import poisson
 
 from kinetics import Chain, Network
-from kinetics.markov import Reward, chain_path
+from kinetics.markov import Reward, ask, chain_path
 
 CLOSE = 1e-9
 
@@ -82,6 +82,67 @@ def test_times_and_chances_ever():
     assert earned.low <= 3.0 < earned.high == np.inf
     few = Chain(rates[:6, :6], begin, truncated=edge[-6:]).passage(empty[:6])
     assert few.mean_bounds[0] < 2.9  # the control: a lower limit, not the mean
+
+
+@pytest.mark.parametrize("barrier", [10, 119])
+def test_limits_are_on_both_sides_where_nothing_can_be_lost(barrier):
+    """A run that stops before the edge of the chain: all is that of the whole chain, by the closed form of the ruin."""
+    begin = 3
+    rates, first, edge = walk(1.0, 2.0, 120, begin)
+    places = np.arange(edge.size)
+    ends = (places == 0) | (places == barrier)
+    chain = Chain(rates, first, rewards={"time": np.ones(edge.size)}, truncated=edge)
+    passage = chain.passage(ends)
+    rich = mpmath.mpf(2**begin - 1) / (2**barrier - 1)
+    mean = float(begin - barrier * rich)  # the drift is 1: Wald's identity
+    low, high = passage.mean_bounds
+    assert low * (1 - 1e-14) <= mean <= high * (1 + 1e-14)
+    assert high - low < CLOSE
+    assert passage.earliest is None
+    assert passage.is_certain
+    spread = passage.answer("sd")
+    assert 0 < spread.low <= spread.value <= spread.high < spread.low + CLOSE
+    total = chain.reward("time", until=ends)
+    assert total.low * (1 - 1e-14) <= mean <= total.high * (1 + 1e-14)
+    assert total.high < np.inf
+    whole = Chain(chain.transitions.generator(), first).passage(ends)
+    assert (passage.mean, passage.sd, passage.probability) == (whole.mean, whole.sd, whole.probability)
+    # the control: with a way to the edge before the end, there is no upper limit
+    for open_end in (places == 0, (places == 0) | edge & (places != 120)):
+        lossy = chain.passage(open_end)
+        assert lossy.earliest is not None
+        assert lossy.mean_bounds[1] == np.inf
+        assert chain.reward("time", until=open_end).high == np.inf
+        assert lossy.answer("sd").kind != spread.kind
+
+
+def test_a_start_that_never_comes_to_the_edge_has_a_steady_state():
+    """Two parts that do not meet, of which one is truncated; from there, and from every state, it is refused."""
+    rates = np.zeros((5, 5))
+    rates[0, 1], rates[1, 0], rates[2, 3], rates[3, 4] = 2.0, 3.0, 1.0, 1.0
+    edge = np.arange(5) == 4
+    chain = Chain(rates, 0, truncated=edge)
+    answer = chain.steady_state(np.arange(5) == 1)
+    assert answer.low <= 0.4 <= answer.high
+    assert answer.high - answer.low < CLOSE
+    assert chain.transient([1.0]).probabilities[0, 1] == pytest.approx(0.4 * -np.expm1(-5.0))
+    with pytest.raises(ValueError, match="needs the whole state space"):
+        Chain(rates, 2, truncated=edge).steady_state(np.arange(5) == 1)
+    with pytest.raises(ValueError, match="needs the whole state space"):
+        Chain(rates, [0.5, 0.0, 0.5, 0.0, 0.0], truncated=edge).steady_state(np.arange(5) == 1)
+    with pytest.raises(ValueError, match="a steady state needs the whole"):
+        ask(chain, 'filter(max, S=? [ "init" ])')
+
+
+def test_a_network_truncated_beyond_its_target_is_known_on_both_sides():
+    """What --truncate leaves out lies behind the target: the answers are those of the finite chain."""
+    network = Network.from_text("0 <-> A, 5, 1")
+    known = Chain.of(network, {"A": 0}, stop="A == 8").passage("A == 8")
+    cut = Chain.of(network, {"A": 0}, truncate="A <= 12").passage("A == 8")
+    assert cut.earliest is None
+    assert cut.mean == pytest.approx(known.mean, rel=1e-13)
+    assert cut.mean_bounds[1] < np.inf
+    assert str(cut).startswith("time until A == 8: mean ")
 
 
 @pytest.mark.parametrize("begin", [1, 5])

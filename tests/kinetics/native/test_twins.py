@@ -12,13 +12,14 @@ from numpy.testing import assert_array_equal
 from sampled_networks import ENZYME, MIXED, PRODUCTS, THIRD_ORDER, ring
 from scipy import sparse
 
-from kinetics.kernels import balance, direct, elimination, exploration, markov, outcomes, residuals
+from kinetics.kernels import balance, direct, elimination, exploration, incomplete, markov, outcomes, residuals
 from kinetics.kernels import statistics as tallies
 from kinetics.kernels.ensemble_work import BEFORE, EVENTS, RUN, ensemble_work, never
 from kinetics.markov.transient import reachable
 from kinetics.markov.transient.search import key_multipliers, keys_of
 from kinetics.native import library, linear, state_tables, twins
 from kinetics.native.lanes import Lanes
+from kinetics.native.rate_tables import RateTable
 from kinetics.network import Network
 from kinetics.rates.breaks import break_model
 from kinetics.sampling.base import stream_key
@@ -377,6 +378,44 @@ def test_elimination_and_its_residuals_are_the_same(is_occupation):
     for each in (in_c, elimination.occupy if is_occupation else elimination.solve):
         with pytest.raises(ZeroDivisionError):
             each(band, exits, np.ones(n))
+
+
+def iterated(in_c, is_occupation, table, leaving, left, units, goal):
+    with patch.object(linear, "is_built", return_value=in_c):
+        factors, change = linear.Factors.of(table, leaving), np.zeros_like(left)
+        assert (factors.record is not None) == in_c
+        swept, residual = left.copy(), left.copy()
+        factors.sweep(swept, is_occupation)
+        rounds = factors.correct(is_occupation, units, residual, change, goal, 40)
+        return *factors[:7], swept, factors.product(left, is_occupation), residual, change, np.array(rounds)
+
+
+@pytest.mark.parametrize("is_occupation", [False, True])
+@pytest.mark.parametrize("spoiled", ["not", "empty", "nothing left", "not a number", "no way out"])
+def test_iteration_is_the_same(spoiled, is_occupation):
+    """Factors, sweeps, products and corrections; also where the method breaks down."""
+    rng = np.random.default_rng(11)
+    n = 1 if spoiled == "empty" else 200
+    rows, columns = rng.integers(0, n, size=(2, 6 * n))
+    rates, leaving = 10.0 ** rng.uniform(-3, 3, rows.size), rng.random(n) * (rng.random(n) < 0.1)
+    leaving = np.zeros(n) if spoiled == "no way out" else leaving + 1e-2
+    left, units = rng.random(n) - 0.5, 10.0 ** rng.uniform(-3, 3, n)
+    if spoiled == "nothing left":
+        left[:] = 0.0
+    elif spoiled == "not a number":
+        left[7] = np.nan
+    off = rows != columns
+    table = RateTable.of(rows[off], columns[off], rates[off], n)
+    with np.errstate(all="ignore"):
+        found, same = (iterated(in_c, is_occupation, table, leaving, left, units, 1e-9) for in_c in (True, False))
+        for one, other in zip(found, same, strict=True):
+            assert_array_equal(one, other)
+    if spoiled == "not":
+        assert 1 < found[-1] < 40  # it did some rounds, and came to its goal
+        wrong = np.empty(n)
+        kernel = incomplete.occupied if is_occupation else incomplete.accumulated
+        kernel(found[0], found[2], found[5], found[6], found[-2], wrong)
+        assert np.abs((left - wrong) / units).max() < 1e-6
 
 
 def test_arrays_that_the_library_cannot_read_are_refused():

@@ -240,13 +240,22 @@ def test_without_convergence_a_direct_way_answers(monkeypatch):
     monkeypatch.setattr(iteration, "MOST_STEPS", 0)
     chain = of(equations, rates, leaving)
     found = chain.solved(np.ones(400))
-    assert_array_equal(found.values, truth.values)
+    assert (np.abs(found.values - truth.values) <= found.errors + truth.errors).all()
+    assert found.relative <= 1.2 * truth.relative
     assert chain.at_most(np.ones(400), truth.values).max() < 1.1 * truth.values.max()
+    with monkeypatch.context() as patch:  # factors that prove nothing: elimination answers
+        patch.setattr(choice.SparseFactors, "_by_factors", lambda _, weights, __: 2.0 * truth.values + weights)
+        chain = of(equations, rates, leaving)
+        assert_array_equal(chain.solved(np.ones(400)).values, truth.values)
+        assert chain.at_most(np.ones(400), truth.values).max() < 1.1 * truth.values.max()
 
     def refused(*_):
         raise TooLargeError("too many", 1.0)
 
-    monkeypatch.setattr(choice, "direct", refused)
+    monkeypatch.setattr(choice, "Elimination", refused)
+    other = of(equations, rates, leaving).solved(np.ones(400))  # by sparse factors
+    assert (np.abs(other.values - truth.values) <= other.errors + truth.errors).all()
+    monkeypatch.setattr(choice, "MAX_FACTORED", 0.0)  # which would fill up
     with pytest.raises(TooLargeError, match="too many"):
         of(equations, rates, leaving).solved(np.ones(400))
     monkeypatch.setattr(iteration, "MOST_STEPS", 200)
