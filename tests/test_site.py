@@ -56,6 +56,13 @@ def pages(site):
     return {path: Page(path) for path in site.rglob("*.html")}
 
 
+def places(part):
+    """The pages of a part of the navigation, which may have parts of its own."""
+    if isinstance(part, str):
+        return [part]
+    return [page for entry in (part.values() if isinstance(part, dict) else part) for page in places(entry)]
+
+
 def dead(pages):
     """Links within the site that lead nowhere."""
     found = []
@@ -108,8 +115,8 @@ def test_dead_and_foreign_links_are_seen(tmp_path):
 
 def test_every_page_has_its_place():
     nav = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]
-    listed = {page for part in nav for entries in part.values() for entry in entries for page in entry.values()}
-    written = {path.name for path in (ROOT / "docs").glob("*.md")}
+    listed = set(places(nav))
+    written = {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")}
     made = {"commands.md", "schemas.md", *(f"api/{name}.md" for name in PACKAGES)}
     assert listed == written | made
 
