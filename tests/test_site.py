@@ -63,7 +63,7 @@ def ran(folder):
     """One notebook as if it had been run: a folder for the site that has its outputs."""
     notebook = jupytext.read(ROOT / "notebooks" / "04_chains.py")
     cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
-    data = ({"image/png": PIXEL}, {"text/html": TABLE}, {"text/plain": "<Chain: 4 states>"}, {"text/plain": "<Figure>"})
+    data = ({"image/png": PIXEL}, {"text/html": TABLE}, {"text/plain": "<Chain: 4 states>"}, {"text/plain": "<Axes: >"})
     cells[1].outputs = [nbformat.v4.new_output("display_data", each) for each in data]
     folder.mkdir()
     jupytext.write(notebook, folder / "04_chains.ipynb")
@@ -186,7 +186,7 @@ def test_notebooks_have_their_pictures_and_tables(site):
     assert (site / "notebooks" / "04_chains_1.png").read_bytes() == base64.b64decode(PIXEL)
     assert re.search(r'<table>\s*<tr>\s*<th colspan="2">n</th>', page)  # as the site's own tables
     assert "&lt;Chain: 4 states&gt;" in page
-    assert "&lt;Figure" not in page
+    assert "&lt;Axes" not in page
     assert page.count("<summary>Imports") == 1
     assert "without running the notebook" not in page
     assert "without running the notebook" in (site / "notebooks" / "05_data.html").read_text("utf-8")  # the control

@@ -71,7 +71,7 @@ def shown(output: dict[str, Any], stem: str, heading: str, pictures: dict[str, b
     if "<table" in data.get("text/html", ""):
         return table(data["text/html"])
     text = output["text"] if output["output_type"] == "stream" else data.get("text/plain", "")
-    if text.startswith("<Figure") or not text.strip():
+    if text.startswith(("<Figure", "<Axes")) or not text.strip():
         return ""
     return f"```text\n{text.rstrip()}\n```"
 
