@@ -48,8 +48,13 @@ benchmarks: $(READY)
 		echo "== $$bench"; $(BIN)/python -m tests.benchmarks.$$bench || exit 1; done
 
 # The site, in .site, from where it opens in a browser; its search wants a server (`mkdocs serve`). A warning ends it.
-docs: $(READY)
+docs: $(READY) .notebooks/.run
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
+# Notebooks with their pictures; two minutes, and made again if they or the packages change.
+.notebooks/.run: $(READY) $(wildcard notebooks/*.py) $(shell find kinetics mechsim calibration -name '*.py' -o -name '*.c')
+	$(BARE) $(BIN)/python docs/site/notebook_pages.py .notebooks
+	touch $@
 
 # What an index takes: the source, and one wheel for all Pythons from 3.11 on, in dist. On Linux its name promises to run
 # with glibc 2.17 and later, which tests/test_wheel.py holds it to; macOS and Windows name their own.
@@ -86,4 +91,4 @@ lock:
 		--generate-hashes --no-annotate --no-header -q -o requirements.lock
 
 clean:
-	rm -rf $(VENV) demo-output .site dist
+	rm -rf $(VENV) demo-output .site .notebooks dist

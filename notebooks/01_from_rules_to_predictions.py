@@ -12,7 +12,7 @@
 # ---
 
 # %% [markdown]
-# # From rules to a checked prediction
+# # Lines of four, predicted
 #
 # Sixty cubes drift in an agitated tank. When two of them meet face to face, they may bond; a *rule book* says which
 # faces may bond. We want to know how lines of four assemble: how many there are at a given time, and when the first one
@@ -69,9 +69,9 @@ network = derivation.network
 network
 
 # %% [markdown]
-# The multiplicity $N$ is the number of ways in which one pair of reactants can dock, or in which one structure can
-# break, counted from geometry. The propensity of a channel is $k \cdot N \cdot h$: the rate constant $k$, which only
-# the mechanics can give, the multiplicity $N$, and the number $h$ of combinations of reactants, $s(s-1)/2$ for pairs of
+# The multiplicity *N* is the number of ways in which one pair of reactants can dock, or in which one structure can
+# break, counted from geometry. The propensity of a channel is *k · N · h*: the rate constant *k*, which only the
+# mechanics can give, the multiplicity *N*, and the number *h* of combinations of reactants, s (s − 1) / 2 for pairs of
 # one kind.
 
 # %% [markdown]
@@ -104,7 +104,7 @@ pd.DataFrame(
 )
 
 # %% [markdown]
-# A rate is the number of events divided by the *exposure*, the time integral of $N \cdot h$; its 95 % interval is exact
+# A rate is the number of events divided by the *exposure*, the time integral of *N · h*; its 95 % interval is exact
 # for a Poisson count. Combinations are counted as the crowd makes them meet, see below.
 
 # %%

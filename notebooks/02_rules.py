@@ -12,10 +12,14 @@
 # ---
 
 # %% [markdown]
-# # Rules: written, checked, compiled, ranked
+# # Rules for a shape
 #
-# A rule book says which cubes may bond, and how their letters (their states) change when they do. The same book drives
-# the mechanics and gives the reaction network, so it must be correct. This notebook
+# You want cubes that meet by chance to build a T, and nothing else. A cube knows only what it can sense: the face that
+# it touches, and the states of its neighbours. Which cubes may bond, how little must each know, and how many Ts come
+# out of sixty cubes?
+#
+# A *rule book* answers the first question: it says which cubes may bond, and how their letters (their states) change
+# when they do. The same book drives the mechanics and gives the reaction network, so it must be correct. This notebook
 #
 # 1. reads a book and draws what it does;
 # 2. **checks** it: is it closed, does everything lead to the target, can the tank get stuck?
@@ -52,7 +56,7 @@ book.plot(ax)
 
 # %% [markdown]
 # `derive` tries every way to join any two structures, and to break any bond, until nothing new appears. The list is
-# therefore complete: nine structures, each a part of the T. The numbers are the multiplicities $N$, counted from
+# therefore complete: nine structures, each a part of the T. The numbers are the multiplicities *N*, counted from
 # geometry.
 
 # %%

@@ -12,9 +12,13 @@
 # ---
 
 # %% [markdown]
-# # Mechanics: scenes, effects, and what accuracy costs
+# # A tank of cubes
 #
-# A scene is a list of effects; nothing else is simulated. This notebook
+# Cubes drift in an agitated tank, collide, and bond. Before you build such a tank you want to know how fast they move,
+# whether neighbours move together, what happens if they sink, and whether a simulation of it has steps that are fine
+# enough.
+#
+# A *scene* is a list of effects; nothing else is simulated. This notebook
 #
 # 1. reads a scene, removes effects and adds others;
 # 2. looks at a run;

@@ -12,10 +12,12 @@
 # ---
 
 # %% [markdown]
-# # Chains: any Markov chain, and answers with bounds
+# # Pumps and rare events
 #
-# A network is one source of a continuous-time Markov chain. Here the chains come from elsewhere: a matrix of rates, a
-# file of another program. Every answer has a lower and an upper bound, and says whether they are proven. This notebook
+# Three pumps keep a plant from running dry, and one mechanic repairs them. How likely is it that all three fail within
+# a year, what does a year cost, and which should be better, the pumps or the mechanic? All of this is a continuous-time
+# Markov chain, given by a matrix of rates. Every answer has a lower and an upper bound, and says whether they are
+# proven. This notebook
 #
 # 1. makes a chain from a **matrix**, with labels and rewards, and asks questions as text;
 # 2. writes it as **explicit files** for PRISM, which Storm reads as well;
@@ -72,7 +74,7 @@ questions = [
     'R{"cost"}=? [ S ]',
 ]
 answers = pd.DataFrame({question: asdict(ask(pumps, question)) for question in questions}).T
-answers["relative width"] = (answers["high"] - answers["low"]) / answers["value"]
+answers["relative width"] = ((answers["high"] - answers["low"]) / answers["value"]).map("{:.0e}".format)
 answers[["value", "relative width", "kind", "method"]]
 
 # %% [markdown]

@@ -12,7 +12,7 @@
 # ---
 
 # %% [markdown]
-# # Data of one's own: from counts at times to a checked model
+# # The plague at Eyam
 #
 # In 1666 the village of Eyam shut itself off because of the plague. Raggett (1982) gives how many of 261 people were
 # susceptible and infective at eight times. How contagious was it, how long were people infective, and is the simple

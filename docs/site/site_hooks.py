@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,9 @@ from mkdocs.structure.files import File, Files
 from kinetics.support.cli.lazy_commands import below
 from wellmixed import main
 
+sys.path.append(str(Path(__file__).parent))  # hooks are no package
+from notebook_pages import NOTEBOOKS, page
+
 ROOT = Path(__file__).parents[2]
 OUTSIDE = re.compile(r"\]\(((?:\.\./)+)(results/[^)]+\.(?:svg|png))\)")
 PACKAGES = {
@@ -25,7 +29,14 @@ PACKAGES = {
     "mechsim": "Scenes, runs of the mechanics, and the store that keeps them.",
     "calibration": "Rates from paths, with intervals, models, diagnostics and validation.",
 }
-WIDE_TABLES = ".md-typeset table:not([class]) :is(th, td) { min-width: 0; padding: .7em .8em }"  # fit the page
+# Tables fit the page if they can, words stay whole, and what is wider scrolls under a bar that is seen on phones too.
+WIDE_TABLES = """
+.md-typeset table:not([class]) :is(th, td) { min-width: 0; padding: .7em .8em; overflow-wrap: normal }
+.md-typeset table:not([class]) :is(th, td) code { word-break: normal }
+.md-typeset__table { min-width: 0 }
+:is(.md-typeset__scrollwrap, .md-typeset pre > code)::-webkit-scrollbar { height: .5rem; background: #eee }
+:is(.md-typeset__scrollwrap, .md-typeset pre > code)::-webkit-scrollbar-thumb { background: #888 }
+"""
 SCHEMAS = """# JSON schemas
 
 Every command takes `--json` and then prints one object on standard output. The files below are JSON Schema (draft
@@ -43,6 +54,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, f"api/{package}.md", content=reference(package, text)))
     files.append(File.generated(config, "tables.css", content=WIDE_TABLES))
     files.append(File.generated(config, "commands.md", content=command_page()))
+    for path in NOTEBOOKS:
+        text, pictures = page(path)
+        files.append(File.generated(config, f"notebooks/{path.stem}.md", content=text))
+        for name, content in pictures.items():
+            files.append(File.generated(config, f"notebooks/{name}", content=content))
     files.append(File.generated(config, "schemas.md", content=schema_page()))
     return files
 
