@@ -19,7 +19,7 @@ def library() -> ctypes.CDLL | None:
     except ImportError:
         return None
     loaded = ctypes.CDLL(_native.__file__)
-    loaded.reduce_band.restype = loaded.insert.restype = c_int64
+    loaded.reduce_band.restype = loaded.insert.restype = loaded.packed_spill.restype = c_int64
     for name in VOID:
         getattr(loaded, name).restype = None
     return loaded
@@ -43,6 +43,9 @@ VOID = (
         "accumulated",
         "occupied",
         "corrected",
+        "packed_sources",
+        "packed_exits",
+        "packed_steps",
     ),
     *("lockstep", "extend_range", "fit_bins", "rebin", "tally", "add_products"),
 )
@@ -143,6 +146,17 @@ class RunMoves(Structure):
     ]
 
 
+class PackedChannels(Structure):
+    """Channels of states that are packed into one integer each, as packed.c has them."""
+
+    _fields_ = [
+        *((name, POINTER(c_int64)) for name in ("shifts", "masks", "starts", "species", "begins", "checked")),
+        *((name, POINTER(c_int64)) for name in ("needed", "changes", "offsets", "laws")),
+        *((name, POINTER(c_double)) for name in ("less", "moved")),
+        *((name, c_int64) for name in ("n_channels", "n_species")),
+    ]
+
+
 TYPES: dict[Any, Any] = {
     POINTER(c_double): float,
     POINTER(c_int64): np.int64,
@@ -166,7 +180,7 @@ def filled(kind: type[Structure], *values: Any) -> Any:
 
 
 def call(name: str, *arguments: Any) -> Any:
-    """Call a C kernel with arrays, whose layout is checked, structures, whole numbers, or None for a null
+    """Call a C kernel with arrays, whose layout is checked, structures, whole numbers, floats, or None for a null
     pointer; other threads run on."""
     passed: list[Any] = []
     for argument in arguments:
@@ -176,6 +190,8 @@ def call(name: str, *arguments: Any) -> Any:
             passed.append(c_void_p(argument.ctypes.data))
         elif argument is None:
             passed.append(c_void_p(None))
+        elif isinstance(argument, float):
+            passed.append(c_double(argument))
         else:
             passed.append(byref(argument) if isinstance(argument, Structure) else c_int64(argument))
     return getattr(cast(ctypes.CDLL, library()), name)(*passed)
