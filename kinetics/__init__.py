@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from kinetics.markov import Sensitivity as Sensitivity
     from kinetics.markov import committor as committor
     from kinetics.markov import first_passage as first_passage
+    from kinetics.markov import reached_by as reached_by
     from kinetics.markov import stationary as stationary
     from kinetics.markov.passage import Committor as Committor
     from kinetics.markov.passage import Passage as Passage
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from kinetics.markov.transient import Dense as Dense
     from kinetics.markov.transient import Distribution as Distribution
     from kinetics.markov.transient import FiniteStateProjection as FiniteStateProjection
+    from kinetics.markov.transient import MatrixFree as MatrixFree
     from kinetics.markov.transient import StateSpace as StateSpace
     from kinetics.markov.transient import Transient as Transient
     from kinetics.markov.transient import reachable as reachable

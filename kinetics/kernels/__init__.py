@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from kinetics.kernels import lockstep as lockstep
     from kinetics.kernels import markov as markov
     from kinetics.kernels import members as members
+    from kinetics.kernels import packed as packed
     from kinetics.kernels import partial as partial
     from kinetics.kernels import programs as programs
     from kinetics.kernels import rejection as rejection

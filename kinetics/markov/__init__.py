@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from kinetics.markov.checks import Reward as Reward
     from kinetics.markov.explicit_files import read_explicit as read_explicit
     from kinetics.markov.explicit_files import write_explicit as write_explicit
+    from kinetics.markov.matrix_free_questions import reached_by as reached_by
     from kinetics.markov.network_questions import committor as committor
     from kinetics.markov.network_questions import first_passage as first_passage
     from kinetics.markov.network_questions import stationary as stationary

@@ -26,7 +26,7 @@ def library() -> ctypes.CDLL | None:
     return loaded
 
 
-COUNTING = ("reduce_band", "insert", "rows_of", "components", "correct_residuals")
+COUNTING = ("reduce_band", "insert", "packed_spill", "rows_of", "components", "correct_residuals")
 VOID = (
     *(
         "tabulate",
@@ -45,6 +45,9 @@ VOID = (
         "accumulated",
         "occupied",
         "corrected",
+        "packed_sources",
+        "packed_exits",
+        "packed_steps",
     ),
     *("reduce_incomplete", "sweep_solve", "sweep_occupy", "multiply_accumulated", "multiply_occupied"),
     *("lockstep", "extend_range", "fit_bins", "rebin", "tally", "add_products"),
@@ -156,6 +159,17 @@ class Factored(Structure):
     ]
 
 
+class PackedChannels(Structure):
+    """Channels of states that are packed into one integer each, as packed.c has them."""
+
+    _fields_ = [
+        *((name, POINTER(c_int64)) for name in ("shifts", "masks", "starts", "species", "begins", "checked")),
+        *((name, POINTER(c_int64)) for name in ("needed", "changes", "offsets", "laws")),
+        *((name, POINTER(c_double)) for name in ("less", "moved")),
+        *((name, c_int64) for name in ("n_channels", "n_species")),
+    ]
+
+
 TYPES: dict[Any, Any] = {
     POINTER(c_double): float,
     POINTER(c_int64): np.int64,
@@ -180,7 +194,7 @@ def filled(kind: type[Structure], *values: Any) -> Any:
 
 
 def call(name: str, *arguments: Any) -> Any:
-    """Call a C kernel with arrays, whose layout is checked, structures, whole numbers, or None for a null
+    """Call a C kernel with arrays, whose layout is checked, structures, whole numbers, floats, or None for a null
     pointer; other threads run on."""
     passed: list[Any] = []
     for argument in arguments:
@@ -190,6 +204,8 @@ def call(name: str, *arguments: Any) -> Any:
             passed.append(c_void_p(argument.ctypes.data))
         elif argument is None:
             passed.append(c_void_p(None))
+        elif isinstance(argument, float):
+            passed.append(c_double(argument))
         else:
             passed.append(byref(argument) if isinstance(argument, Structure) else c_int64(argument))
     return getattr(cast(ctypes.CDLL, library()), name)(*passed)

@@ -4,6 +4,7 @@ from kinetics.markov.transient.base import ListingMethod, SolvingMethod
 from kinetics.markov.transient.collocation import Collocation
 from kinetics.markov.transient.dense import Dense
 from kinetics.markov.transient.distribution import Distribution
+from kinetics.markov.transient.matrix_free import InterruptedSolutionError, MatrixFree
 from kinetics.markov.transient.methods import SOLVING_METHODS, solve
 from kinetics.markov.transient.projection import FiniteStateProjection
 from kinetics.markov.transient.states import StateSpace, reachable
@@ -16,7 +17,9 @@ __all__ = [
     "Dense",
     "Distribution",
     "FiniteStateProjection",
+    "InterruptedSolutionError",
     "ListingMethod",
+    "MatrixFree",
     "SolvingMethod",
     "StateSpace",
     "Transient",

@@ -35,7 +35,7 @@ class SolvingMethod(ABC):
 
     >>> from kinetics.markov.transient import SOLVING_METHODS, Transient
     >>> [method.name for method in SOLVING_METHODS]
-    ['transient', 'dense', 'collocation', 'fsp']
+    ['transient', 'dense', 'collocation', 'fsp', 'matrix-free']
     >>> Transient(tolerance=2.0)
     Traceback (most recent call last):
         ...

@@ -16,6 +16,7 @@ from kinetics.markov.transient.transient import Transient
 from kinetics.markov.transient.dense import Dense
 from kinetics.markov.transient.collocation import Collocation
 from kinetics.markov.transient.projection import FiniteStateProjection
+from kinetics.markov.transient.matrix_free import MatrixFree
 
 SOLVING_METHODS: tuple[type[SolvingMethod], ...] = members(globals(), SolvingMethod)
 BY_NAME = {method.name: method for method in SOLVING_METHODS}

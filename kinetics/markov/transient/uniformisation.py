@@ -123,8 +123,16 @@ class DiscreteChain:
         solution by no more than what they add and take on its way, twice their share of what moves.
         """
         jumps = steps if jumps is None else jumps
-        rate_error = self.rate_error if rate_error is None else rate_error
-        return 1.001 * ROUNDOFF * (steps + (self.terms + 2.0 * rate_error + 6.0) * jumps)
+        return summed_rounding(steps, jumps, self.terms, self.rate_error if rate_error is None else rate_error)
+
+
+def summed_rounding(steps: float, jumps: float, terms: int, rate_error: float) -> float:
+    """Bound on the summed error by rounding: `DiscreteChain.rounding` for a chain that is not stored.
+
+    steps, jumps : of the uniformised chain, and expected events among them
+    terms : most rates into plus most rates out of one state; rate_error : of each rate, in roundings
+    """
+    return 1.001 * ROUNDOFF * (steps + (terms + 2.0 * rate_error + 6.0) * jumps)
 
 
 class Mixtures(NamedTuple):

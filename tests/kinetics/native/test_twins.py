@@ -15,9 +15,9 @@ from scipy import sparse
 from kinetics.kernels import balance, direct, elimination, exploration, incomplete, markov, outcomes, residuals
 from kinetics.kernels import statistics as tallies
 from kinetics.kernels.ensemble_work import BEFORE, EVENTS, RUN, ensemble_work, never
-from kinetics.markov.transient import reachable
+from kinetics.markov.transient import MatrixFree, reachable
 from kinetics.markov.transient.search import key_multipliers, keys_of
-from kinetics.native import library, linear, state_tables, twins
+from kinetics.native import library, linear, packed, state_tables, twins
 from kinetics.native.lanes import Lanes
 from kinetics.native.rate_tables import RateTable
 from kinetics.network import Network
@@ -422,3 +422,23 @@ def test_arrays_that_the_library_cannot_read_are_refused():
     counts = np.zeros((4, 2, 2), np.int64)
     with pytest.raises(ValueError, match="do not lie side by side"):
         twins.extend_range(counts[::2], counts[0], counts[1])
+
+
+@pytest.mark.parametrize("name", ["line", "enzyme", "mixed", "third order", "ordered pairs", "nothing left"])
+def test_steps_without_a_matrix_are_the_same(name, monkeypatch):
+    net, start, end = CASES[name]
+    solve = partial(MatrixFree(1e-6).solve, net, np.minimum(start, 12), [end / 20.0])
+    native = solve()
+    with monkeypatch.context() as patched:
+        patched.setattr(packed, "is_built", lambda: False)
+        compiled = solve()
+    assert_array_equal(native.space.states, compiled.space.states)
+    assert_array_equal(native.probabilities, compiled.probabilities)
+    assert native.error == compiled.error
+    # The control: a coefficient that is one bit larger is seen.
+    other = MatrixFree(1e-6).solve(
+        net.with_rates(np.nextafter(net.known_rates, np.inf)), np.minimum(start, 12), [end / 20.0]
+    )
+    assert (
+        other.probabilities.shape != native.probabilities.shape or (other.probabilities != native.probabilities).any()
+    )
