@@ -22,8 +22,8 @@
 # trust the answer:
 #
 # 1. **rules** → a reaction network, derived by trying every contact;
-# 2. **rates** → measured in short mechanics runs at 60 and 160 cubes, with intervals, under the break model and the
-#    crowding that these runs choose;
+# 2. **rates** → measured in short mechanics runs at 60, 160 and 240 cubes, with intervals, under the break model and
+#    the crowding that these runs choose;
 # 3. **predictions** → at any number of cubes, as a continuous-time Markov chain;
 # 4. **check** → against whole assemblies that the rates never saw, at 60, 80 and 120 cubes.
 #
@@ -90,8 +90,9 @@ figure, ax = plt.subplots(figsize=(7.5, 6))
 _ = draw_tank(beginning, ax)
 
 # %% [markdown]
-# The stored calibration runs start from the states that an assembly passes through, at 60 and at 160 cubes. Stored runs
-# are read as they are: each file records the inputs and versions with which it was made, and damaged files are refused.
+# The stored calibration runs start from the states that an assembly passes through, at 60, 160 and 240 cubes. Stored
+# runs are read as they are: each file records the inputs and versions with which it was made, and damaged files are
+# refused.
 
 # %%
 folder = results / "runs"
@@ -118,9 +119,9 @@ _ = calibration.plot(ax, references={"paper, Table III": Rates.load("table3")})
 
 # %% [markdown]
 # The points are the paper's Table III, which gives no intervals. One latching probability and one breaking threshold
-# determine all eight of our rates, and both were chosen with the paper's rates in view; so neither the rate of the
-# first join nor those of the breaks test the paper. From here on only our own rates are used: does the chain with
-# *these* rates describe *this* mechanics?
+# determine all eight of our rates. The first was chosen with the paper's rates in view, the second so that breaks are
+# frequent enough to be judged; so neither the rate of the first join nor those of the breaks test the paper. From here
+# on only our own rates are used: does the chain with *these* rates describe *this* mechanics?
 #
 # ### What breaks a bond?
 #
@@ -147,9 +148,8 @@ models.reason
 # ### What does a crowd do?
 #
 # Hits that are too weak to break a bond are logged, too. In a crowd bodies hit each other, and walls, more often than
-# their numbers alone would make them, and the hardest hits, which need a third body, most of all. The table gives what
-# was seen over what is expected at both densities, for hits above the load that breaks a bond and for joins; the runs
-# choose a model for each.
+# their numbers alone would make them. The table gives what was seen over what is expected at each density, for hits
+# above the load that breaks a bond and for joins. The runs choose a model for each, by the weaker hits too.
 
 # %%
 crowding = study.crowding_models
@@ -298,9 +298,9 @@ for comparison in predicted.comparisons:
     comparison.plot(axes)
 
 # %% [markdown]
-# Blue: the predicted mean, with the band in which the mean of as many runs should lie 95 % of the time, intrinsic
-# noise and uncertain rates together. Red: the mean of the mechanics runs with its own interval. Nothing was
-# adjusted in between.
+# In colour: the predicted mean, with the band in which the mean of as many runs should lie 95 % of the time, intrinsic
+# noise and uncertain rates together. Dashed: the mean of the mechanics runs with its own interval. Nothing was adjusted
+# in between.
 #
 # Means hide errors: if both breaks and joins are too frequent, the means stay the same. So the verdict rests on the
 # events themselves, seen and expected, one row per size; p includes the uncertainty of the rates.

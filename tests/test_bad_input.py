@@ -84,7 +84,7 @@ def refused(wellmixed_here, tmp_path):
         ("step = 0.00525", "step = inf", "numerics.step = inf: should be a finite number"),
         ("sigma = 4.0", "sigma = -inf", "effects.0.agitation.sigma = -inf: should be"),
         (
-            "threshold = 0.0065",
+            "threshold = 0.006",
             "threshold = 0.0",
             "threshold = 0.0: should be a number greater than 0",
         ),

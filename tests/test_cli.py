@@ -191,7 +191,7 @@ def test_calibrate(place, calibrated):
     assert data["not_seen"] == [row["channel"] for row in measured if row["events"] == 0] != []
     assert html.escape(f"Not seen: {', '.join(data['not_seen'])}. ") in report
     for words in (diagnostics["verdict"], *(row["verdict"] for row in diagnostics["by_test"])):
-        assert html.escape(words) in report
+        assert html.escape(words) in re.sub("</?span>", "", report)  # around what a line may not break
 
 
 def test_calibrate_again_writes_the_same_rates(wellmixed_here, place, demonstrated, calibrated):
@@ -220,7 +220,7 @@ def test_validate(wellmixed, wellmixed_here, place, demonstrated, calibrated):
     assert [row["test"] for row in diagnostics["by_test"]] == [test.name for test in DIAGNOSTICS]
     assert "same pieces" in {row["variant"].split(", ")[-1] for row in diagnostics["results"]}
     for words in (diagnostics["verdict"], *(row["verdict"] for row in diagnostics["by_test"])):
-        assert html.escape(words) in report
+        assert html.escape(words) in re.sub("</?span>", "", report)  # around what a line may not break
     for each, shown in zip(data["comparisons"], demonstrated.json["summary"][:2], strict=True):
         assert {"crps": shown["crps"], "coverage": shown["coverage"]}.items() <= each["summary"].items()
     again = wellmixed_here(*VALIDATE, "--rates", "rates.toml", "--cubes", 60, cwd=place)

@@ -32,7 +32,7 @@ FILES = {
     "cycle.rxn": "X -> 2 X, 1\nX + Y -> 2 Y, 0.005\nY -> 0, 0.6\nX = 100\nY = 100",
     "law.rxn": "0 -> A, 500\nA -> 0, 1.0 * A / (1 + 0.001 * A)\n0 -> B, 5\nB -> 0, 1",
 }
-SOLVED = {"transient": "loop", "dense": "pair", "collocation": "stiff", "fsp": "open"}
+SOLVED = {"transient": "loop", "dense": "pair", "collocation": "stiff", "fsp": "open", "matrix-free": "open"}
 WORK = {f"predict {name}": ["predict", f"{SOLVED[name]}.rxn", "--method", name, "--times", "10000"] for name in SOLVED}
 WORK["predict mean-field"] = ["predict", "cycle.rxn", "--method", "mean-field", "--times", "1e9"]
 WORK |= {

@@ -22,6 +22,7 @@ Scored = Callable[[Floats], tuple[float, Floats]]  # logarithms of parameters (P
 
 FALL = 1.920729410347062  # of the log-likelihood at the ends of an interval: half of chi-squared's 95 % quantile
 FARTHEST = np.log(1e8)  # from the estimate, in logarithms: beyond that the profile is called flat
+HIGHEST = np.log(1e4)  # the same upwards, from the estimate or the first start: with larger rates chains are stiff
 SCATTER = np.log(5.0)  # standard deviation of further starts around the first
 AT_TOP = 1e-5  # of log-likelihood, that a Newton step from where the search ended may still gain
 STEEP = 1e6  # rise of what is minimised where the likelihood is 0
@@ -112,7 +113,7 @@ class _Search:
 
     def __init__(self, scored: Scored, names: tuple[str, ...], least: Floats, most: Floats) -> None:
         self._scored, self._names, self._least, self._most = scored, names, least, most
-        self._evaluations = 0
+        self._evaluations, self._start = 0, least
         self._notes: list[str] = []
 
     def _at(self, logs: Floats) -> tuple[float, Floats]:
@@ -129,7 +130,7 @@ class _Search:
 
     def fit(self, start: Floats, starts: int, rng: np.random.Generator) -> ParameterFit:
         """The best of all starts, and its intervals."""
-        found = []
+        found, self._start = [], start
         for k in range(starts):
             begin = start if k == 0 else start + SCATTER * rng.standard_normal(start.size)
             begin = np.clip(begin, self._least, self._most)
@@ -208,6 +209,10 @@ class _Search:
         found = self._by_newton(p, side, best, top, hessian)
         return self._by_bisection(p, side, best, top) if found is None else found
 
+    def _reach(self, p: int, side: int, best: Floats) -> float:
+        """How far from the estimate an end is looked for, in logarithms."""
+        return FARTHEST if side < 0 else HIGHEST + max(0.0, float(self._start[p] - best[p]))
+
     def _by_newton(self, p: int, side: int, best: Floats, top: float, hessian: Floats) -> float | None:
         """Steps of Venzon & Moolgavkar; None if they do not converge."""
         others = [q for q in range(best.size) if q != p]
@@ -223,7 +228,7 @@ class _Search:
             before, slope, bent = best, np.zeros(best.size), hessian.copy()
             slope = self._at(best)[1]
             for _ in range(NEWTON_STEPS):
-                if abs(now[p] - best[p]) > FARTHEST:
+                if abs(now[p] - best[p]) > self._reach(p, side, best):
                     return None
                 value, gradient = self._at(now)
                 if not np.isfinite(value):
@@ -248,6 +253,7 @@ class _Search:
     def _by_bisection(self, p: int, side: int, best: Floats, top: float) -> float | None:
         """The profile itself: its largest likelihoods at held values, bracketed by doubling, then halved."""
         inside, outside, near, length = best[p], None, best, 0.5
+        reach = self._reach(p, side, best)
 
         def profile(at: float, begin: Floats) -> tuple[Floats, float]:
             held = begin.copy()
@@ -256,13 +262,13 @@ class _Search:
 
         while outside is None:
             end = float((self._least if side < 0 else self._most)[p])
-            at = float(np.clip(best[p] + side * length, self._least[p], self._most[p]))
+            at = float(np.clip(best[p] + side * min(length, reach), self._least[p], self._most[p]))
             there, value = profile(at, near)
             if value < top - FALL:
                 outside = at
             elif at == end:
                 return end
-            elif length >= FARTHEST:
+            elif length >= reach:
                 return None
             else:
                 inside, near, length = at, there, 2.0 * length

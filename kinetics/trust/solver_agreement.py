@@ -99,7 +99,7 @@ def compare_solvers(
     >>> from kinetics.trust import compare_solvers
     >>> found = compare_solvers(Network.from_text("A <-> B, 1, 2"), {"A": 9}, [0.5, 1.0])
     >>> len(found.pairs), found.failures
-    (10, ())
+    (15, ())
     """
     grid, given = rising_times(times), Model.of(model, initial)
     chosen = [_limited(kind) for kind in SOLVING_METHODS] if solvers is None else solvers

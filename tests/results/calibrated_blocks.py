@@ -144,8 +144,9 @@ def crowding_chosen(study: Study) -> str:
             above = f"{fit['above']:g}" if fit["above"] else ""
             aic = fit["aic"] - min(each["aic"] for each in hardest)
             rows.append((source, above, f"{fit['events']}", name, value, f"{aic:.1f}", _span(ratios)))
-    titles = ("events by", "above", "events", "crowding", "parameter [95 %]", "AIC above the least", "60 and 160 cubes")
-    return table(titles, rows)
+    densities = sorted({cubes_in(tank.composition) for tank in study.plan.calibration.tanks})
+    titles = ("events by", "above", "events", "crowding", "parameter [95 %]", "AIC above the least")
+    return table((*titles, f"{listed(densities)} cubes"), rows)
 
 
 def _span(ratios: list[float]) -> str:

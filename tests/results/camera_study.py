@@ -5,7 +5,7 @@
 fits the frames that results/camera lacks, in some ten minutes of CPU time, and counts the information that frames of
 other intervals keep.
 
-The runs are the calibration runs of results/line4 at 60 cubes: those at 160 are of another density, where rates
+The runs are the calibration runs of results/line4 at 60 cubes: the others are of other densities, where rates
 differ, and held-out runs are not used. Breaks are of first order, so that counts of all species are all there is.
 """
 
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -22,6 +23,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from calibration import net_path
 from calibration.estimating.exposure import count, pooled
 from calibration.estimating.likelihood_fit import ParameterFit, fit_parameters
 from kinetics.commands.models import network_of_book
@@ -29,7 +31,7 @@ from kinetics.markov.panels import PanelData, PanelLikelihood, PanelRun
 from kinetics.network import Model, Network
 from kinetics.rates import Rates
 from kinetics.runs import JumpPath
-from kinetics.support.arrays import Floats
+from kinetics.support.arrays import Floats, Ints
 from kinetics.support.config import read_toml
 from kinetics.support.output import write_whole
 from mechsim.runs.store import RunStore
@@ -40,6 +42,7 @@ ROOT = Path(__file__).parents[2]
 FOLDER, STUDY = ROOT / "results" / "camera", ROOT / "results" / "line4"
 CUBES = 60
 EVERY = (1, 10, 50, 200)  # tu, of the fits
+AT_ONCE = 2.0  # tu in which the same two parts undo a break, hardly ever in a Markov chain
 CURVE = (1, 2, 5, 10, 20, 50, 100, 200, 250, 500)  # tu, of the information alone
 RESAMPLED, SEED = 2000, 1  # bootstrap of whole runs
 
@@ -51,23 +54,32 @@ def network() -> Network:
 
 
 @cache
-def stored_runs() -> tuple[JumpPath, ...]:
-    """The calibration runs of 60 cubes, by key."""
+def runs_and_bonds() -> list[tuple[JumpPath, Ints]]:
+    """The calibration runs of 60 cubes, by key, and the two cubes that met or parted at each event."""
     seed, book = read_toml(STUDY / "plan.toml")["calibration"]["seed"], network()
     found = []
     for manifest, arrays in RunStore.found(STUDY / "runs").contents():
         cubes = arrays["initial"] @ np.arange(1, 5)
         if manifest["inputs"]["seed"] == seed and manifest["outcome"] == "completed" and cubes == CUBES:
-            found.append(
-                JumpPath(book, arrays["initial"], arrays["times"], arrays["channels"], manifest["facts"]["end"])
-            )
-    return tuple(found)
+            path = JumpPath(book, arrays["initial"], arrays["times"], arrays["channels"], manifest["facts"]["end"])
+            found.append((path, arrays["bonds"]))
+    return found
 
 
-def watched(every: float) -> list[JumpPath]:
+def stored_runs() -> tuple[JumpPath, ...]:
+    """The calibration runs of 60 cubes, by key."""
+    return tuple(path for path, _ in runs_and_bonds())
+
+
+def net_runs() -> tuple[JumpPath, ...]:
+    """These runs without the breaks that the same two parts undid at once, and without the joins that did it."""
+    return tuple(net_path(path, bonds, AT_ONCE) for path, bonds in runs_and_bonds())
+
+
+def watched(every: float, runs: Sequence[JumpPath] | None = None) -> list[JumpPath]:
     """The runs up to their last frame: after it, events are seen and frames see nothing."""
     found = []
-    for path in stored_runs():
+    for path in stored_runs() if runs is None else runs:
         last = every * int(path.end / every)
         kept = path.times <= last
         found.append(replace(path, times=path.times[kept], channels=path.channels[kept], end=last))
@@ -127,7 +139,9 @@ def fitted(every: float, rates: Floats) -> tuple[list[dict[str, Any]], dict[str,
     # An estimate from all events differs from one that uses a part of what they say by an independent error.
     spread = np.linalg.inv(frames) - np.diag(1.0 / events)
     off = np.log(found.value / seen.value)
-    chi_square = float(off @ np.linalg.solve(spread, off))
+    net = np.log(found.value / fit_events(watched(every, net_runs())).value)
+    chi_square, chi_square_net = (float(each @ np.linalg.solve(spread, each)) for each in (off, net))
+    undone = sum(path.times.size - net.times.size for path, net in zip(stored_runs(), net_runs(), strict=True)) // 2
     numbers = pooled(count(path) for path in watched(every)).events
     rows = [
         {"every": every, "channel": name, "events": int(numbers[p]),
@@ -141,6 +155,7 @@ def fitted(every: float, rates: Floats) -> tuple[list[dict[str, Any]], dict[str,
         "pairs": asked.copies.size, "begins": len(asked.begins), "states": asked.states,
         "log_likelihood": found.log_likelihood, "evaluations": found.evaluations, "cpu_seconds": seconds,
         "chi_square": chi_square, "freedom": len(off), "p": float(stats.chi2.sf(chi_square, len(off))),
+        "undone": undone, "p_net": float(stats.chi2.sf(chi_square_net, len(off))),
         "notes": list(found.notes),
     }  # fmt: skip
     return rows, facts

@@ -10,7 +10,7 @@ import pandas as pd
 from calibration.pipeline.bars import WORDS
 from kinetics.network import Tank
 from kinetics.rates import Rates
-from kinetics.runs import BY_SEVERAL, NO_BREAK
+from kinetics.runs import BY_SEVERAL, BY_WALL, NO_BREAK
 from mechsim.inspection.poses import record_at
 from mechsim.runs.record import book_of
 from mechsim.runs.store import RunStore
@@ -18,6 +18,8 @@ from mechsim.scene import Scene
 from tests.results.paper_estimator import paper_estimate
 from tests.results.studies import ROOT, Study, bullets, cubes_in, listed, paragraph, ratio, table
 
+MIDDLE = "4->2+2"
+SHOWN = 5  # rows of single channels
 PAPER_FIRST_LINE = {"mechanics": 89.42, "Gillespie": 93.84}  # tu, means of ten runs each; section VI of the paper
 
 
@@ -111,11 +113,33 @@ def missed(study: Study) -> str:
     if off.empty:
         return "No row misses its rule."
     told = [
-        f"{row['group']} of {row['size']} are {row['seen'] / row['expected']:.4f} times as frequent as expected "
-        f"(p = {row['p']:.2g})"
+        f"{row['group']} of {row['size']} are {row['seen'] / row['expected']:.3f} times as frequent as expected (p = "
+        f"{row['p']:.2g}; {row['seen']} were seen, {row['low']:.0f} to {row['high']:.0f} predicted, which is "
+        f"{row['low'] / row['expected']:.2f} to {row['high'] / row['expected']:.2f} times what is expected)"
         for row in off.to_dict("records")
     ]
     return paragraph(f"The rule from {allowed[0]:g} to {allowed[1]:g} is missed: {listed(told)}.")
+
+
+def parts(study: Study) -> str:
+    """Whom walls break where, and the rows of single channels that are least likely."""
+    by_wall = {"calibration": [0, 0], "held-out": [0, 0]}
+    for manifest, arrays in RunStore.found(study.folder / "runs").contents():
+        kind = "calibration" if manifest["inputs"]["seed"] == study.plan.calibration.seed else "held-out"
+        names = np.array([*manifest["facts"]["channels"], ""])[arrays["channels"][arrays["partners"] == BY_WALL]]
+        by_wall[kind][0] += int((names == MIDDLE).sum())
+        by_wall[kind][1] += int(np.char.startswith(names, "4->").sum())
+    told = listed([f"{middle} of {both} in the {kind} runs" for kind, (middle, both) in by_wall.items()])
+    rows = study.events[study.events["group"].str.contains("->") & (study.events["size"] != "all sizes")]
+    lines = [
+        (row["group"].replace("->", "→"), row["size"], ratio(row["seen"], row["expected"]), f"{row['p']:.2g}")
+        for row in rows.sort_values("p").head(SHOWN).to_dict("records")
+    ]
+    first = paragraph(
+        f"Breaks of quadmers by a wall that were in the middle: {told}. The {SHOWN} least likely of all {len(rows)} "
+        f"rows of single channels (the least p, times their number, is {len(rows) * rows['p'].min():.2g}):"
+    )
+    return f"{first}\n\n{table(('channel', 'held out', 'seen / expected', 'p'), lines)}"
 
 
 def several(study: Study) -> str:

@@ -42,6 +42,7 @@ BLOCKS: dict[str, Callable[[Study], str]] = {
     "mass_action": judged_blocks.joins_by_mass_action,
     "verdict": judged_blocks.verdict,
     "missed": judged_blocks.missed,
+    "parts": judged_blocks.parts,
     "sentence": judged_blocks.in_one_sentence,
     "several": judged_blocks.several,
     "summary": judged_blocks.summary_table,

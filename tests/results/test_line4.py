@@ -39,6 +39,7 @@ def test_every_other_number_of_the_section_is_accounted_for():
     breaking, bonding = (next(e for e in scene.effects if e.effect == name) for name in ("breaking", "bonding"))
     table3 = Rates.load("table3").channels["1+1->2"]
     known = {f"{breaking.threshold:g}", f"{bonding.latch.probability:g}", f"{1e5 * table3.rate * table3.ways:.1f}e-5"}
+    known.add(f"{LINE4.plan.log_above:g}")
     cubes = {sum(t.composition.values()) for t in LINE4.plan.held_out.tanks}
     known |= {f"{n}" for n in cubes}
     assert set(numbers(SECTION)) <= known | TOLD

@@ -233,7 +233,7 @@ def test_a_method_that_refuses_is_reported():
 
 def test_table_plot_and_numbers(small):
     table = small.to_dataframe()
-    assert len(table) == len(small.points) == 3 * 2 + 3 * 6 + 4 + 3
+    assert len(table) == len(small.points) == 3 * 2 + 4 * 6 + 4 + 3
     asked = small.of("predict --accuracy")
     assert [point.chosen for point in asked] == ["solved"] * 4  # of 34 states
     assert all(point.chosen is None for point in small.points if point not in asked)

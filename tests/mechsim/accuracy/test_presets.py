@@ -142,8 +142,8 @@ def test_shipped_presets_know_their_scene(name):
 
 
 def test_without_a_preset_the_scene_stays_as_it_is(line4):
-    assert line4.fingerprint == "e3298ccab5ff07e54bac37d60153c37ded9a7ac654ba92faeca70ba284572be6"
-    chosen = load("standard", line4)
+    assert line4.fingerprint == "23fb51b4d2d7a3a65367dc77e3e86766b0835053d306e438ecbe47211168d8a5"
+    chosen = load("reference", line4)
     assert chosen.scene(line4).without("bonding").effects == line4.without("bonding").effects
     run = RunSpec(line4, {"monomer": 2}, 1.0, 1, 0)
     assert RunSpec(chosen.scene(line4), {"monomer": 2}, 1.0, 1, 0).key != run.key
