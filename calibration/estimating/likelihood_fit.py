@@ -211,7 +211,7 @@ class _Search:
 
     def _reach(self, p: int, side: int, best: Floats) -> float:
         """How far from the estimate an end is looked for, in logarithms."""
-        return FARTHEST if side < 0 else HIGHEST + max(0.0, float(self._start[p] - best[p]))
+        return float(FARTHEST if side < 0 else HIGHEST + max(0.0, self._start[p] - best[p]))
 
     def _by_newton(self, p: int, side: int, best: Floats, top: float, hessian: Floats) -> float | None:
         """Steps of Venzon & Moolgavkar; None if they do not converge."""
