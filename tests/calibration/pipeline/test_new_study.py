@@ -227,7 +227,7 @@ def near_enough(is_join, rate):
 def test_the_guess_is_as_near_as_it_says_for_ts():
     """Against the rates that were measured, where there are events enough to tell."""
     derivation = derive(RuleBook.load("t5"))
-    rates = Rates.load(RESULTS / "t5" / "control-rates.toml")
+    rates = Rates.load(RESULTS / "t5" / "rates.toml")
     assert rates.tank == PLACE
     measured = ClassRates.of_rates(derivation, rates)
     for rate_class in derivation.rate_classes:
