@@ -23,9 +23,9 @@ from mechsim.scene import Scene
 if TYPE_CHECKING:
     from mechsim.runs.executors import Executor
 
-CALIBRATED, HELD_OUT = 225.0, 150.0  # tu a run: with these, one worker needs less than five minutes
+CALIBRATED, HELD_OUT = 225.0, 150.0  # tu a run
 # CPU time of the whole demonstration on one core of 2026, s: of its runs, by engine, and of all else
-SECONDS, REST = {"pybullet": 261.0, "own": 84.0}, 15.0
+SECONDS, REST = {"pybullet": 107.0, "own": 31.0}, 11.0
 
 
 @click.command()
@@ -110,9 +110,9 @@ def how_long(scale: float, engine: str) -> str:
 
     >>> from calibration.commands.demo import how_long
     >>> how_long(1.0, "pybullet")
-    'This takes about 4.6 min with one worker, 2.4 min with --workers 2.'
+    'This takes about 2 min with one worker, 1.1 min with --workers 2.'
     >>> how_long(0.05, "own")
-    'This takes about 19 s with one worker, 17 s with --workers 2.'
+    'This takes about 13 s with one worker, 12 s with --workers 2.'
     """
     runs = scale * SECONDS[engine]
     alone, shared = (_duration(REST + runs / workers) for workers in (1, 2))
