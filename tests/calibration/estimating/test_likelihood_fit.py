@@ -121,3 +121,22 @@ def test_the_same_seed_gives_the_same_fit(seed):
     once, again = (fit_parameters(exponential([9], [3.0]), ["k"], [1.0], seed=seed) for _ in range(2))
     assert once.value.tolist() == again.value.tolist()
     assert once.evaluations == again.evaluations
+
+
+def test_an_upper_end_is_not_looked_for_where_chains_are_stiff():
+    """A likelihood that settles for large k costs more the larger k is: the search says that there is no upper end."""
+    tried = []
+
+    def settles(logs):  # of k / (1 + k), seen 30 times
+        tried.append(float(logs[0]))
+        share = 1.0 / (1.0 + np.exp(-logs[0]))
+        return 30 * np.log(share), np.array([30 * (1.0 - share)])
+
+    found = fit_parameters(settles, ["k"], np.array([1.0]), most=np.array([50.0]), starts=1)
+    assert found.high[0] == pytest.approx(50.0)  # where its range ends
+    tried.clear()
+    found = fit_parameters(settles, ["k"], np.array([1.0]), starts=1)
+    ends = found.at[0]
+    assert found.high[0] == np.inf
+    assert 0 < found.low[0] < ends
+    assert max(tried) <= np.log(max(ends, 1.0)) + np.log(1e4) + 1e-9
