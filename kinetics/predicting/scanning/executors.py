@@ -70,7 +70,8 @@ def _processes(workers: int) -> Iterator[Executor]:
         for child in set(multiprocessing.active_children()) - before:
             child.kill()
         pool.shutdown(wait=True, cancel_futures=True)
-        if not isinstance(error, BrokenProcessPool):
+        is_unstarted = isinstance(error, ConnectionError | EOFError) and not began.is_set()  # since Python 3.14
+        if not (isinstance(error, BrokenProcessPool) or is_unstarted):
             raise
         raise ChildProcessError(
             "a worker ended before it had answered (killed for want of memory?); answered points are stored, so "
