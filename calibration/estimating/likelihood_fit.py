@@ -104,16 +104,18 @@ def fit_parameters(
     smallest = np.zeros(len(names)) if least is None else np.asarray(least, dtype=float)
     largest = np.full(len(names), np.inf) if most is None else np.asarray(most, dtype=float)
     with np.errstate(divide="ignore"):
-        search = _Search(scored, tuple(names), np.log(smallest), np.log(largest))
-    return search.fit(np.log(np.asarray(start, dtype=float)), starts, np.random.default_rng(seed))
+        search = _Search(
+            scored, tuple(names), np.log(np.asarray(start, dtype=float)), np.log(smallest), np.log(largest)
+        )
+    return search.fit(starts, np.random.default_rng(seed))
 
 
 class _Search:
     """A maximum and its surroundings."""
 
-    def __init__(self, scored: Scored, names: tuple[str, ...], least: Floats, most: Floats) -> None:
-        self._scored, self._names, self._least, self._most = scored, names, least, most
-        self._evaluations, self._start = 0, least
+    def __init__(self, scored: Scored, names: tuple[str, ...], start: Floats, least: Floats, most: Floats) -> None:
+        self._scored, self._names, self._start, self._least, self._most = scored, names, start, least, most
+        self._evaluations = 0
         self._notes: list[str] = []
 
     def _at(self, logs: Floats) -> tuple[float, Floats]:
@@ -128,9 +130,9 @@ class _Search:
                 raise  # of the data, most likely: says what is wrong
             return -np.inf, np.zeros(logs.size)
 
-    def fit(self, start: Floats, starts: int, rng: np.random.Generator) -> ParameterFit:
+    def fit(self, starts: int, rng: np.random.Generator) -> ParameterFit:
         """The best of all starts, and its intervals."""
-        found, self._start = [], start
+        found, start = [], self._start
         for k in range(starts):
             begin = start if k == 0 else start + SCATTER * rng.standard_normal(start.size)
             begin = np.clip(begin, self._least, self._most)

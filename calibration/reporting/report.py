@@ -22,7 +22,7 @@ from kinetics.support.plots import words_as_they_are
 from kinetics.support.tables import Rows, csv_text
 
 SENTENCE = 45  # characters; a longer cell of a table is read as words, not compared as a number
-UNBROKEN = re.compile(r"\d[\d.]*e-\d+|[^\s(]*-&gt;[^\s,;:)]*")  # numbers and channels, which a line might break within
+UNBROKEN = re.compile(r"(\d[\d.]*e-\d+|[^\s(]*->[^\s,;:)]*)")  # numbers and channels, which a line might break within
 MANY = 10  # columns from which a table is set in smaller type on paper
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 
@@ -238,9 +238,9 @@ def _html_table(rows: Rows, kind: str = "", head: bool = True) -> str:
 def _cell(text: str, is_name: bool) -> str:
     """Sentences are broken into lines; numbers and names are not. is_name: in the first column."""
     kind = ' class="words"' if len(text) > SENTENCE else ""
-    shown = html.escape(text)
-    shown = shown if is_name else UNBROKEN.sub(r"<span>\g<0></span>", shown)
-    return f"<td{kind}>{shown}</td>"
+    pieces = [text] if is_name else UNBROKEN.split(text)  # every other one is not to be broken
+    shown = [f"<span>{html.escape(piece)}</span>" if i % 2 else html.escape(piece) for i, piece in enumerate(pieces)]
+    return f"<td{kind}>{''.join(shown)}</td>"
 
 
 def _shown(value: Any) -> str:

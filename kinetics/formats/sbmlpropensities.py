@@ -9,6 +9,7 @@ from kinetics.network import Network
 from kinetics.network.laws.expression import Expression
 from kinetics.network.laws.graph import Code, Graph, Node
 
+MOST_COPIES = 170  # of one species: the factorial of more is beyond all floats
 MOST_TRIED = 4  # copies of a reactant up to which a law is looked at for being 0 with fewer
 
 
@@ -66,18 +67,14 @@ class Formulas:
             return [count]
         if self.network.combinations == "product":
             return [graph.add(Code.POWER, (count, graph.number(float(copies))))]
-        orders = factorial(copies) if self.network.combinations == "distinct" and copies <= 170 else 1
-        if copies > 170:  # a factorial beyond all floats
+        if copies > MOST_COPIES:
             raise ValueError(
                 f"channel {channel!r} needs {copies} copies of one species, too many for a formula of SBML; "
                 f"write the reaction in steps of fewer reactants"
             )
-        factors = [
-            count,
-            *(graph.add(Code.SUBTRACT, (count, graph.number(float(i)))) for i in range(1, copies)),
-        ]
-        if orders > 1:
-            factors[-1] = graph.add(Code.DIVIDE, (factors[-1], graph.number(float(orders))))
+        factors = [count, *(graph.add(Code.SUBTRACT, (count, graph.number(float(i)))) for i in range(1, copies))]
+        if self.network.combinations == "distinct":
+            factors[-1] = graph.add(Code.DIVIDE, (factors[-1], graph.number(float(factorial(copies)))))
         return factors
 
     def _copied(self, graph: Graph, formula: Expression) -> int:

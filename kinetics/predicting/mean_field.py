@@ -73,7 +73,7 @@ class MeanFieldSolution:
 
     @property
     def comparison(self) -> str:
-        """How far it is from the exact mean, in words."""
+        """The distance from the exact mean, in words."""
         away = self.away()
         if away is None:
             return f"not compared with the exact mean: {self.refusal}"
@@ -90,7 +90,7 @@ class MeanFieldSolution:
         return found | {"not_compared": self.refusal or None}
 
     def precision(self, _standard_error: Floats) -> str:
-        """How far it is from the exact mean, in words."""
+        """The distance from the exact mean, in words."""
         return self.comparison
 
     def columns(self, _standard_error: Floats) -> dict[str, Floats]:

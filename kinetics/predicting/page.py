@@ -59,7 +59,7 @@ def prediction_page(made: DrawnPrediction) -> str:
 
 def _content(made: DrawnPrediction) -> dict[str, Any]:
     """What the page draws: curves of each species, and which species share a panel."""
-    places, bands = panels_of(made), made.result.bands()
+    places, bands = panels_of(made), made.bands
     return {
         "panels": [[i] for i in range(len(places))] if len(places) >= ENOUGH else [list(range(len(places)))],
         "time": of_unit("time", made.network.time_unit),
@@ -81,7 +81,7 @@ def _content(made: DrawnPrediction) -> dict[str, Any]:
 
 def _curves(made: DrawnPrediction, place: int) -> dict[str, Any]:
     """The curves of one species; null where there is none."""
-    bands, field = made.result.bands(), made.result.approximate()
+    bands, field = made.bands, made.result.approximate()
     tables = {"sd": made.sd if field is None else None, "from": made.low, "to": made.high, "field": field}
     tables |= dict.fromkeys(("mean", "low", "high")) if bands is None else {
         "mean": bands.middle, "low": bands.low, "high": bands.high,
@@ -108,7 +108,7 @@ def _steps(made: Trajectories, place: int) -> list[list[list[float]]]:
 
 def _final(made: DrawnPrediction) -> tuple[list[str], list[list[str]]]:
     """Titles and rows of the values at the last time, a row a species."""
-    bands, field = made.result.bands(), made.result.approximate()
+    bands, field = made.bands, made.result.approximate()
     columns: dict[str, list[str]] = {"": list(made.network.species)}
     if field is not None:
         columns[MEAN_FIELD] = [f"{value:.4g}" for value in field[-1]]

@@ -16,6 +16,7 @@ from kinetics.network import Network
 from kinetics.predicting.counts_over_time import CountsOverTime
 from kinetics.predicting.trajectories import Trajectories
 from kinetics.support.arrays import Floats
+from kinetics.support.plots import Bands
 from kinetics.support.tables import of_unit
 
 ENOUGH = 3  # species from which each has a panel
@@ -61,6 +62,11 @@ class DrawnPrediction(Protocol):
     @property
     def result(self) -> CountsOverTime:
         """That from which the means come."""
+        ...
+
+    @property
+    def bands(self) -> Bands | None:
+        """Means and the middle 95 % of runs; None where only an approximation is known."""
         ...
 
     @property

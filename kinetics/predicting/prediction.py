@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -102,6 +103,11 @@ class Prediction(Shown, Tabular):
         """For JSON: which approximation the means are and how far off; None for an exact method."""
         return self.result.approximation
 
+    @cached_property
+    def bands(self) -> plots.Bands | None:
+        """Means and the middle 95 % of runs, found once for all panels; None where only an approximation is known."""
+        return self.result.bands()
+
     @property
     def headline(self) -> str:
         """One line: what the figures are, the method, their precision, and the CPU time."""
@@ -146,7 +152,7 @@ class Prediction(Shown, Tabular):
         only : draw the species of this number alone
         """
         names, unit = self.network.species, self.network.time_unit
-        known, approximate = self.result.bands(), self.result.approximate()
+        known, approximate = self.bands, self.result.approximate()
         if known is not None:
             plots.bands(ax, *known, names, unit, only=only)
         if approximate is not None:

@@ -42,7 +42,7 @@ ROOT = Path(__file__).parents[2]
 FOLDER, STUDY = ROOT / "results" / "camera", ROOT / "results" / "line4"
 CUBES = 60
 EVERY = (1, 10, 50, 200)  # tu, of the fits
-AT_ONCE = 2.0  # tu in which the same two parts undo a break, hardly ever in a Markov chain
+AT_ONCE = 2.0  # tu; a Markov chain rarely undoes a break by the same two parts so soon
 CURVE = (1, 2, 5, 10, 20, 50, 100, 200, 250, 500)  # tu, of the information alone
 RESAMPLED, SEED = 2000, 1  # bootstrap of whole runs
 

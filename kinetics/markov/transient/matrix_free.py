@@ -52,7 +52,7 @@ class MatrixFree(SolvingMethod):
     The error is a proven bound, except where a rate law cannot be bounded.
 
     Source: Henzinger, Mateescu & Wolf (2009), doi:10.1007/978-3-642-02658-4_27, for sets that move along; the bound is
-    that of Munsky & Khammash (2006), doi:10.1063/1.2145882. WindowsCost: about 1 ns for every likely state, channel and
+    that of Munsky & Khammash (2006), doi:10.1063/1.2145882. Cost: about 1 ns for every likely state, channel and
     uniformised step; 4 bytes for every likely state and channel, and 120 for every state. Choose it for some 10,000 to
     30 million states whose counts fit into 62 bits together. Rates that depend on time are refused.
 

@@ -284,8 +284,9 @@ class _Reading:
                 continue
             left, middle = self.values.pop(), self.middles.pop()
             if operator.sign == IMPLIES:
-                left = self.graph.add(Code.NOT, (left,))
-            code = TWO.get(operator.sign, TWO["or"])[1]
+                self._push(self.graph.add(Code.OR, (self.graph.add(Code.NOT, (left,)), right)))
+                continue
+            code = TWO[operator.sign][1]
             if operator.level != COMPARING:
                 self._push(self.graph.add(code, (left, right)))
                 continue

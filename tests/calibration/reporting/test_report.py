@@ -1,4 +1,5 @@
 import csv
+import html
 import re
 
 import pytest
@@ -127,3 +128,12 @@ def test_columns_are_named_in_words():
         "", [ReportTable("", [{"channel": "a", "low": 1.0, "p_scatter": 0.1, "free_parameters": 2}])]
     ).html()
     assert re.findall(r"<th>(.*?)</th>", page) == ["channel", "95 % from", "p of the scatter", "free parameters"]
+
+
+def test_a_channel_is_not_broken_and_stays_what_it_is():
+    """Names with characters of HTML too: what is not broken is found in the text, before they are written for HTML."""
+    for text in ("a->b&c", "x <b>->y", "1+1->2: 3.2e-05, ->;"):
+        page = HtmlReport("", [ReportTable("", [{"channel": "a", "note": text}])]).html()
+        (cell,) = re.findall(r"<td>((?:(?!</td>).)*)</td></tr>", page)[-1:]
+        assert "<span>" in cell
+        assert html.unescape(re.sub("</?span>", "", cell.rpartition("<td>")[2])) == text
